@@ -143,14 +143,14 @@ class App(Workspace):
     # --- one frame
 
     def frame(self) -> None:
-        """One picture; a defect in it costs what it was about."""
+        """Draw one picture; a defect in it closes what it was about."""
         with self.defects.guarded("showing a picture", self.close_tools):
             self._frame()
         self.window.end_frame()
 
     def _frame(self) -> None:
         """Poll, control, step, interpolate, draw, panels, swap."""
-        window, guarded = self.window, self.defects.guarded
+        window = self.window
         dt = self._tick()
         window.poll(MINIMISED_WAIT_S if window.minimised and not self.options.offscreen else 0.0)
         if window.minimised:
@@ -167,10 +167,7 @@ class App(Workspace):
 
         self.shell.draw()
         self._finish_drag()
-        overlays = Overlays()
-        with guarded("drawing what lies over the view", self.close_tools):
-            live = None if self.takes.playback is not None or others else self.scene.controller
-            overlays = self.overlays(live, others)
+        overlays = self._overlays_of(others)
         self.scene.renderer.render(window.framebuffer, self.scene.camera.current, pose, overlays)
         if window.draws_aside:  # the next step is made while this picture is drawn
             window.begin_drawing()
@@ -180,6 +177,13 @@ class App(Workspace):
         window.draw_interface()
         self.screenshots.capture(window, self.frames_shown)
         self._finish_frame()
+
+    def _overlays_of(self, others: list[Pose]) -> Overlays:
+        """Return what lies over the view; `others` stand beside the first of the compared characters."""
+        with self.defects.guarded("drawing what lies over the view", self.close_tools):
+            live = None if self.takes.playback is not None or others else self.scene.controller
+            return self.overlays(live, others)
+        return Overlays()
 
     def _control(self, dt: float) -> None:
         """Do what keys, sticks and workers ask for, and let time pass for the character."""
@@ -191,7 +195,7 @@ class App(Workspace):
             self._simulate(dt, intent)
 
     def _act(self, intent: Intent) -> None:
-        """What keys and buttons do that were pressed."""
+        """Do what the keys and buttons say that were pressed."""
         self.keys.end_enter()
         modal = self.shell.modal
         for action in intent.pressed:  # held actions and gaits are none of this table
@@ -219,12 +223,12 @@ class App(Workspace):
         self.kept.watch()
 
     def _finish_drag(self) -> None:
-        """What the mouse or a typed number changed is a step of undo once that is let go of."""
+        """Make a step of undo of what the mouse or a typed number changed, once that is let go of."""
         if self.editor.dragging and not (imgui.is_mouse_down(0) or imgui.is_any_item_active()):
             self.editor.finish_drag()
 
     def _tick(self) -> float:
-        """Seconds since the last frame; offscreen every frame is one simulation step."""
+        """Return the seconds since the last frame; offscreen every frame is one simulation step."""
         now = time.perf_counter()
         self._interval_s, self._last_s = now - self._last_s, now
         return STEP_SECONDS if self.options.offscreen else min(self._interval_s, LONGEST_FRAME_S)
@@ -245,7 +249,7 @@ class App(Workspace):
         return self.frames_shown * STEP_SECONDS if self.options.offscreen else self._script_s
 
     def _controls_of(self, intent: Intent) -> Controls:
-        """The devices' controls, or those of the stick's script until it ends."""
+        """Return the devices' controls, or those of the stick's script until it ends."""
         if self._stick is not None and self._scripted_seconds < self._stick.seconds:
             return self._stick(self._scripted_seconds)
         return to_controls(intent, self.scene.camera.current.heading)
@@ -329,7 +333,7 @@ class App(Workspace):
         return self.interrupted or self.window.close_requested or enough
 
     def until(self) -> float:
-        """When the program is to have ended, by `time.monotonic`; the first call begins the end."""
+        """Return when the program is to have ended, by `time.monotonic`; the first call begins the end."""
         if not self._until:
             self._until = time.monotonic() + END_S
         return self._until

@@ -47,7 +47,7 @@ class Editor:
         return self._draft is not None
 
     def do(self, label: str, change: Change) -> bool:
-        """A step of undo with a label in the user's words; whether anything changed."""
+        """Make a change as a step of undo with a label in the user's words; return whether anything changed."""
         self.finish_drag()
         before = self.session
         after = change(before)
@@ -68,7 +68,7 @@ class Editor:
         done: Callable[[Any], None] = lambda _: None,
         **about: Any,
     ) -> None:
-        """A step whose result a job makes: it is undone from now on, which ends the job.
+        """Make a step whose result a job computes: it can be undone from now on, which ends the job.
 
         `change(result, session)` is made to the step and to every later one, so it must look whether a session still has
         what the job was begun for. `begin` is made at once. `about` is what else `Jobs.submit` takes.
@@ -93,7 +93,7 @@ class Editor:
         self._changed(before)
 
     def _abandon(self, number: int) -> None:
-        """A step that a job makes is none; the job ends."""
+        """Drop a step that a job was to make, and end the job."""
         end, before = self._running.pop(number, None), self.session
         if end is not None:
             end()
@@ -106,7 +106,7 @@ class Editor:
             self._abandon(number)
 
     def drag(self, label: str, change: Change) -> None:
-        """A change while the mouse holds something: shown at once, one step with all that follows under this label."""
+        """Change the session while the mouse holds something: shown at once, one step with all that follows under this label."""
         if self._draft is not None and label != self._draft_label:
             self.finish_drag()
         before = self.session
@@ -116,16 +116,16 @@ class Editor:
             self._tell(before)
 
     def drop_drag(self) -> None:
-        """What was dragged is as it was before."""
+        """Undo what was dragged so far."""
         before, self._draft = self.session, None
         self._tell(before)
 
     def put(self, label: str, number: int, held: bool = False, **values: Any) -> None:
-        """Other values for fields of a take, or of the live character; `held`: while the mouse holds them."""
+        """Set fields of a take, or of the live character; `held`: while the mouse holds them."""
         (self.drag if held else self.do)(label, lambda session: session.with_take(number, **values))
 
     def finish_drag(self) -> None:
-        """The mouse let go: what was dragged is a step of undo."""
+        """Make a step of undo of what was dragged: the mouse let go."""
         draft, self._draft = self._draft, None
         if draft is None or draft == self.history.present.session:
             return
@@ -197,7 +197,7 @@ class Editor:
     # --- the session as a whole
 
     def use(self, file: SessionFile, history: History) -> None:
-        """Another session takes the place of this one, whose file the caller closes."""
+        """Put another session in the place of this one, whose file the caller closes."""
         before = self.session
         self._draft, self.file, self.history = None, file, history
         self.opened = history.present.session

@@ -135,7 +135,7 @@ class Jobs:
                 job.cancel()
 
     def shown(self) -> tuple[str, Callable[[], None] | None]:
-        """What the status line says is read or written, once that takes a while, and what ends it early; "" for nothing."""
+        """Return what the status line says is read or written, once that takes a while, and what ends it early; "" for nothing."""
         late = time.monotonic() - PATIENCE_S
         for job in self._jobs:
             if job.begun < late and not job.dropped and job.shown:
@@ -195,7 +195,7 @@ class Jobs:
     # --- the end
 
     def end(self) -> None:
-        """The program ends: only what is written still counts, and of that what cannot be ended early."""
+        """End all jobs but those that write, and of these the ones that can be ended early: the program ends."""
         self._drop([job for job in self._jobs if not job.writing])
         for job in self._jobs:
             if job.writing and job.cancel is not None:
@@ -216,7 +216,7 @@ class Jobs:
         return not late and not any(future.exception() for future in done)
 
     def _give_up(self, late: list[_Job]) -> None:
-        """The program ends without these."""
+        """Drop jobs that are too late for the end of the program, and say so."""
         self._drop(late)
         wait([job.future for job in late if job.cancel is not None], 0.2)  # what can be ended early cleans up
         for job in late:
@@ -238,7 +238,7 @@ def _run(work: Callable[[], Any], future: Future[Any]) -> None:
 
 
 def _for_animators(job: _Job, error: Exception) -> SportError:
-    """What to say of an unforeseen error; its own words are in the log."""
+    """Return what to say of an unforeseen error; its own words are in the log."""
     _LOG.exception("job %s failed", job.words)
     if isinstance(error, MemoryError):
         return SportError(f"{job.words}: not enough memory.", "Close other programs, or use a smaller file.")

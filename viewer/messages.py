@@ -115,7 +115,7 @@ class Messages:
             self.warn(f"No file manager opens ({error.strerror}); the file is {path}.")
 
     def settle(self, topic: object) -> None:
-        """What was said about a topic holds no longer: it went well since. A note goes at once."""
+        """Settle what was said about a topic: it went well since. A note goes at once."""
         for at, message in reversed(list(enumerate(self.recent))):
             if message.topic == topic and not message.settled:
                 if message.level is Level.NOTE:

@@ -95,7 +95,7 @@ def _call_glibc(name: str, *values: int) -> None:
 
 
 def resident_mb() -> float:
-    """Memory that this process holds; 0 where the system does not tell."""
+    """Return the memory that this process holds; 0 where the system does not tell."""
     try:
         return int(_STATUS.read_text(encoding="ascii").split()[1]) * _PAGE_MB
     except (OSError, ValueError, IndexError):

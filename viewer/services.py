@@ -47,7 +47,7 @@ class Loaded:
 
 
 def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSettings | None = None) -> Loaded:
-    """The exported model of `directory` (the shipped one by default) with its prompt encoder.
+    """Return the exported model of `directory` (the shipped one by default) with its prompt encoder.
 
     Prompts are expanded by the library, or by the language model `gpt` with the library behind it.
     """
@@ -63,7 +63,7 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
 
 
 def load_character(path: Path | None, joint_map: Path | None = None, unit: str = "") -> Any:
-    """The character of a GLB file; the shipped mannequin by default. `joint_map` replaces the one in its folder."""
+    """Return the character of a GLB file; the shipped mannequin by default. `joint_map` replaces the one in its folder."""
     source = asset_path(DEFAULT_CHARACTER) if path is None else path
     character = read_character(source, joint_map, unit or None)
     _ = character.body  # fitted here, on a worker, not in the first frame
@@ -71,12 +71,12 @@ def load_character(path: Path | None, joint_map: Path | None = None, unit: str =
 
 
 def make_renderer(ctx: Any, quality: str) -> Any:
-    """The project's renderer with a preset by name; "" lets it choose for this machine."""
+    """Return the project's renderer with a preset by name; "" lets it choose for this machine."""
     return Renderer(ctx, choose_quality(ctx, quality))
 
 
 def library_prompts() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Prompts of the shipped library: one for each style, to choose from, and all of them, to suggest."""
+    """Return the prompts of the shipped library: one for each style, to choose from, and all of them, to suggest."""
     styles = load_styles(asset_path(STYLES))
     entries = load_library(asset_path(LIBRARY), styles).entries
     prompts = [entry.prompt for entry in entries] + [text for entry in entries for text in entry.also]

@@ -142,7 +142,7 @@ class Settings:
 
 
 def config_directory(environment: dict[str, str] | None = None) -> Path:
-    """Where settings live: $SPORT_CONFIG_DIR, else $XDG_CONFIG_HOME/sport-viewer, else ~/.config/sport-viewer."""
+    """Return where settings live: $SPORT_CONFIG_DIR, else $XDG_CONFIG_HOME/sport-viewer, else ~/.config/sport-viewer."""
     env = os.environ if environment is None else environment
     if env.get("SPORT_CONFIG_DIR"):
         return Path(env["SPORT_CONFIG_DIR"])
@@ -151,13 +151,13 @@ def config_directory(environment: dict[str, str] | None = None) -> Path:
 
 
 def under_home(path: Path) -> str:
-    """A path as one writes it: below the home directory with ~."""
+    """Return a path as one writes it: below the home directory with ~."""
     home = Path.home()
     return str(Path("~") / path.relative_to(home)) if path.is_relative_to(home) else str(path)
 
 
 def load_settings(directory: Path) -> tuple[Settings, list[str]]:
-    """Settings from `directory` and the complaints about it; whatever cannot be read keeps its default."""
+    """Return the settings from `directory` and the complaints about it; whatever cannot be read keeps its default."""
     path = directory / FILE_NAME
     try:
         content = _read(path)
@@ -179,7 +179,7 @@ def load_settings(directory: Path) -> tuple[Settings, list[str]]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """The fields of the file, of any type; none without a file. FileError when it holds no settings."""
+    """Return the fields of the file, of any type; none without a file. FileError when it holds no settings."""
     if not os.path.lexists(path):
         return {}
     try:
@@ -201,7 +201,7 @@ def checked(name: str, value: Any, default: Any) -> Any:
 
 
 def remembered(text: str, known: list[str], count: int = MAX_LIST_ENTRIES) -> list[str]:
-    """A list of the newest first with a text as its first, at most so many."""
+    """Return a list of the newest first with a text as its first, at most so many."""
     return [text, *(other for other in known if other != text)][:count]
 
 
@@ -232,7 +232,7 @@ class KeptSettings:
             self._write()
 
     def finish(self, until: float) -> bool:
-        """The program ends: write what was changed, until a time of `time.monotonic`; whether it is in the file."""
+        """Write what was changed, until a time of `time.monotonic`; return whether it is in the file."""
         if self.active:
             self._write()
         return self.jobs.finish(_SLOT.what, until) and self._written == self._tried
@@ -266,7 +266,7 @@ def save_settings(settings: Settings, directory: Path, before: Settings | None =
 
 
 def _read_or_keep_aside(path: Path) -> dict[str, Any]:
-    """The fields of the file; one that holds values that cannot be used is kept under another name before it is replaced."""
+    """Return the fields of the file; one that holds values that cannot be used is kept under another name before it is replaced."""
     try:
         content = _read(path)
         kept = Settings()
@@ -284,7 +284,7 @@ def _read_or_keep_aside(path: Path) -> dict[str, Any]:
 
 
 def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
-    """What is to be written over the content of a file: changed fields, and those that it has unusable."""
+    """Return what is to be written over the content of a file: changed fields, and those that it has unusable."""
     found = {}
     for name, value in values.items():
         theirs = checked(name, content[name], value) if name in content else before[name]

@@ -83,17 +83,14 @@ class Shell:
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
         return {
-            Action.HELP: self._toggle_help,
-            Action.PANELS: self._toggle_panels,
+            Action.HELP: partial(self._toggle, "help_open"),
+            Action.PANELS: partial(self._toggle, "panels_open"),
             Action.PROMPT: self.focus_prompt,
             Action.NEXT_PANEL: self._next_panel,
         }
 
-    def _toggle_help(self) -> None:
-        self.state.help_open = not self.state.help_open
-
-    def _toggle_panels(self) -> None:
-        self.state.panels_open = not self.state.panels_open
+    def _toggle(self, name: str) -> None:
+        setattr(self.state, name, not getattr(self.state, name))
 
     def focus_prompt(self) -> None:
         self.state.panels_open = True
@@ -170,20 +167,24 @@ class Shell:
                 panel.keys()
         self._draw_over(PanelPlace.SIGN, view)
         self._draw_columns(layout)
-        below = view.y + view.height
-        if layout.transport is not None:
-            below = layout.transport.y
-            for panel in self._shown(PanelPlace.BELOW):
-                self._window(panel.name, layout.transport, partial(panel.draw, layout.transport))
+        height = self._draw_below(layout)
         if not self.state.bare:
             self._status(layout)
         if self.state.panels_open:
             self._windows += [panel.name for panel in self._shown(PanelPlace.VIEW)]
-            self._draw_over(PanelPlace.VIEW, replace(view, height=max(below - view.y, 0.0)))
+            self._draw_over(PanelPlace.VIEW, replace(view, height=height))
         self._draw_over(PanelPlace.WINDOW, view)
         self.focus.update()
         if self.focus.in_view:
             self.messages.settle(_KEYS)
+
+    def _draw_below(self, layout: Layout) -> float:
+        """Draw the panel under the view; return the height that it leaves to the view."""
+        if layout.transport is None:
+            return layout.view.height
+        for panel in self._shown(PanelPlace.BELOW):
+            self._window(panel.name, layout.transport, partial(panel.draw, layout.transport))
+        return max(layout.transport.y - layout.view.y, 0.0)
 
     def _escape(self) -> None:
         if self.focus.use is not Use.OPEN:
@@ -192,7 +193,7 @@ class Shell:
         imgui.get_current_context().nav_highlight_item_under_nav = True
 
     def _shown(self, *places: PanelPlace) -> list[Panel]:
-        """The panels of places that are shown now, in the order of the places."""
+        """Return the panels of places that are shown now, in the order of the places."""
         return [p for place in places for p in self.panels if p.place is place and p.shown()]
 
     def _draw_over(self, place: PanelPlace, rect: Rect) -> None:
@@ -238,7 +239,7 @@ class Shell:
         imgui.pop_style_var(2)
 
     def _facts(self) -> list[tuple[str, str]]:
-        """What is known about model, speed and device with its explanation, the most important last."""
+        """Return what is known about model, speed and device with its explanation, the most important last."""
         stats, scene, device = self.state.stats, self.scene, self.state.device
         icon = ICON.keyboard if device == KEYBOARD else ICON.gamepad
         model = f"{ICON.chip} {scene.model_name or 'no model'}  {scene.provider}".rstrip()

@@ -95,15 +95,15 @@ class Window:
         try:
             glfw.make_context_current(self.handle)
             # known from events: to ask for them waits for the display, several times a picture
-            self._size: tuple[int, int] = glfw.get_window_size(self.handle)
-            self._pixels: tuple[int, int] = glfw.get_framebuffer_size(self.handle)
+            self.size: tuple[int, int] = glfw.get_window_size(self.handle)
+            self.pixels: tuple[int, int] = glfw.get_framebuffer_size(self.handle)
             self._content_scale: float = glfw.get_window_content_scale(self.handle)[0]
             self._iconified = False
             self.ctx = _context()
             flush: Any = glfw.get_proc_address("glFlush")
             self._flush = ctypes.CFUNCTYPE(None)(flush)
-            # a processor would copy every pixel once more
-            self._direct = is_software(self.ctx) and not (offscreen or kept)
+            # other cores of the processor draw while the program goes on; it would copy every pixel once more
+            self.draws_aside = is_software(self.ctx) and not (offscreen or kept)
             glfw.swap_interval(1 if vsync and not offscreen else 0)
             self._install_callbacks()
             self._start_imgui()
@@ -114,23 +114,9 @@ class Window:
     # --- state of the window
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in screen units, as the mouse measures."""
-        return self._size
-
-    @property
-    def pixels(self) -> tuple[int, int]:
-        return self._pixels
-
-    @property
     def minimised(self) -> bool:
         """Whether there is nothing to draw on."""
         return 0 in self.pixels or self._iconified
-
-    @property
-    def draws_aside(self) -> bool:
-        """Whether other cores of the processor draw while the program goes on."""
-        return self._direct
 
     @property
     def close_requested(self) -> bool:
@@ -234,12 +220,12 @@ class Window:
         if self._offscreen:
             self.ctx.finish()  # what a swap would do: the library keeps the buffers of every picture until it is drawn
             return
-        if not self._direct:
+        if not self.draws_aside:
             self.ctx.copy_framebuffer(self.ctx.screen, self.framebuffer)
         glfw.swap_buffers(self.handle)
 
     def read_pixels(self) -> NDArray[np.uint8]:
-        """The framebuffer as `(height, width, 3)`, top row first."""
+        """Return the framebuffer as `(height, width, 3)`, top row first."""
         width, height = shown_size(self.framebuffer)
         data = self.framebuffer.read((0, 0, width, height), components=3, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1].copy()
@@ -280,10 +266,7 @@ class Window:
             imgui.get_io().add_key_event(getattr(imgui.Key, name), down)
             return
         imgui.backends.glfw_key_callback(self.address, code, 0, action, 0)
-        self.hold_modifiers()
-
-    def hold_modifiers(self) -> None:
-        """The backend looks for modifiers at the real keyboard, at each key and button."""
+        # the backend looks for modifiers at the real keyboard, at each key and button
         for modifier in self._injected:
             imgui.get_io().add_key_event(_MODIFIERS[modifier], True)
 
@@ -307,19 +290,17 @@ class Window:
         # before ImGui's, which chain to these; a callback set later would replace ImGui's
         glfw.set_key_callback(self.handle, self._on_key)
         glfw.set_char_callback(self.handle, self._on_character)
-        glfw.set_cursor_pos_callback(self.handle, self._on_mouse_move)
+        glfw.set_cursor_pos_callback(self.handle, lambda _, *place: setattr(self, "_mouse", place))
         glfw.set_mouse_button_callback(self.handle, self._on_mouse_button)
         glfw.set_window_focus_callback(self.handle, lambda _, focused: self._events.focus(bool(focused)))
-        glfw.set_window_size_callback(self.handle, lambda _, *size: setattr(self, "_size", size))
-        glfw.set_framebuffer_size_callback(self.handle, lambda _, *size: setattr(self, "_pixels", size))
+        glfw.set_window_size_callback(self.handle, lambda _, *size: setattr(self, "size", size))
+        glfw.set_framebuffer_size_callback(self.handle, lambda _, *size: setattr(self, "pixels", size))
         glfw.set_window_content_scale_callback(
             self.handle, lambda _, across, __: setattr(self, "_content_scale", across)
         )
         glfw.set_window_iconify_callback(self.handle, lambda _, on: setattr(self, "_iconified", bool(on)))
-        glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]  # its stub is wrong
-
-    def _on_drop(self, _window: Any, paths: list[str]) -> None:
-        self._events.drop([Path(path) for path in paths])
+        drop: Any = lambda _, paths: self._events.drop([Path(path) for path in paths])  # noqa: E731  # its stub is wrong
+        glfw.set_drop_callback(self.handle, drop)
 
     def _on_key(self, _window: Any, code: int, _scancode: int, action: int, _mods: int) -> None:
         name = KEY_NAMES.get(code)
@@ -332,9 +313,6 @@ class Window:
     def _on_character(self, _window: Any, code: int) -> None:
         self._typed = [*self._typed[-MAX_WAITING_CHARACTERS:], (code, not self._acts)]
         self._acts = False
-
-    def _on_mouse_move(self, _window: Any, x: float, y: float) -> None:
-        self._mouse = x, y
 
     def _on_mouse_button(self, _window: Any, button: int, action: int, _mods: int) -> None:
         # the middle button scrolls a panel, which leaves the keys where they are
@@ -362,7 +340,7 @@ class Window:
         if 0 in size or (self.framebuffer is not None and shown_size(self.framebuffer) == size):
             return
         self._release_framebuffer()
-        if self._direct:
+        if self.draws_aside:
             self.framebuffer = self.ctx.screen
             self.framebuffer.viewport = (0, 0, *size)
             return
@@ -374,13 +352,13 @@ class Window:
         if self.framebuffer is None:
             return
         self.ctx.screen.use()  # a bound framebuffer must not be released
-        for resource in () if self._direct else (self.framebuffer, self._texture, self._depth):
+        for resource in () if self.draws_aside else (self.framebuffer, self._texture, self._depth):
             resource.release()
         self.framebuffer = None
 
 
 def _open(width: int, height: int, offscreen: bool) -> Any:
-    """A hidden or shown window with a 3.3 core context; DisplayError with the remedy when there can be none."""
+    """Return a hidden or shown window with a 3.3 core context; DisplayError with the remedy when there can be none."""
     glfw.ERROR_REPORTING = "raise"  # a refused context would otherwise be a null window
     try:
         glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if offscreen else glfw.ANY_PLATFORM)
@@ -411,7 +389,7 @@ def _open(width: int, height: int, offscreen: bool) -> Any:
 
 
 def _fitting_screen(width: int, height: int) -> tuple[int, int]:
-    """The size to ask for, no larger than what the first monitor has free: a window may come from a larger one."""
+    """Return the size to ask for, no larger than what the first monitor has free: a window may come from a larger one."""
     monitor = glfw.get_primary_monitor()
     if not monitor:
         return width, height

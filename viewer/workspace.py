@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from runtime.assets import character_file
 from runtime.atomic import sweep
 from runtime.interrupts import undo_when_ended
 from runtime.pose import Pose
@@ -49,9 +50,10 @@ from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.prompt_panel import PromptPanel
 from viewer.prompt.suggestions import Suggester
-from viewer.scene.scene import Scene
+from viewer.scene.scene import MANNEQUIN, SHIPPED, WALKER, Scene
 from viewer.screenshots import Screenshots
 from viewer.services import Services
+from viewer.session.opening import open_file
 from viewer.session.sessions import Sessions, first_file
 from viewer.session.takes import Takes
 from viewer.settings import Settings
@@ -143,7 +145,7 @@ class Workspace:
         self.actions = self._actions(panels)
 
     def _actions(self, panels: list[Panel]) -> dict[Action, Callable[[], None]]:
-        """What each action does, of the panels, of the shell and of all rooms together."""
+        """Return what each action does, of the panels, of the shell and of all rooms together."""
         own = {
             Action.FRAME_SELECTION: self.frame_selection,
             Action.FULLSCREEN: self.window.toggle_full_screen,
@@ -161,7 +163,7 @@ class Workspace:
             library.remove(self.editor.file.path)
 
     def _panels(self, dialogs: Dialogs) -> list[Panel]:
-        """Every panel, from the left to the right and from the back to the front."""
+        """Return every panel, from the left to the right and from the back to the front."""
         compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
         references = ReferenceCard(
             self.references,
@@ -209,7 +211,7 @@ class Workspace:
         scene.begin(options.camera or settings.camera, options.live_link, options.vmc)
         remembered = None if options.offscreen else self.settings_window.chosen_model()
         with self.jobs.together():
-            character = options.character or scene.remembered_character()
+            character = options.character or self.remembered_character()
             scene.open_character(character, options.joint_map, step=False)
             self.load_model(options.model or remembered, options.seed)
             scene.load_terrain(options.terrain or settings.terrain)
@@ -217,11 +219,19 @@ class Workspace:
         prompting.begin(options.prompt, options.blend, options.blend_weights)
         self.prompt.tab_requested = "" if options.blend is None else "blend"
         if options.clip is not None:
-            self.takes.open(options.clip, keep_ground=options.terrain is not None)
+            open_file(self.takes, options.clip, keep_ground=options.terrain is not None)
         self.sessions.begin(options.session, looking=not options.offscreen)
-        if not options.offscreen and options.session is None:
-            self.cut_off.begin()
         (self._check if options.offscreen else self._begin)()
+
+    def remembered_character(self) -> Path | None:
+        """Return the file of the character that was chosen last; None for the mannequin."""
+        name = self.settings.character
+        if name in SHIPPED:
+            return None if name == MANNEQUIN else character_file(name)
+        if Path(name).is_file():
+            return Path(name)
+        self.messages.warn(f"The character {name} is missing: the walker is shown.")
+        return character_file(WALKER)
 
     def _check(self) -> None:
         """Raise what went wrong without a display: there is no status line to read it in."""
@@ -230,6 +240,8 @@ class Workspace:
             raise failure
 
     def _begin(self) -> None:
+        if self.options.session is None:
+            self.cut_off.begin()
         self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
         if not self.settings.first_minute_seen:
             self.guide.begin()
@@ -241,7 +253,7 @@ class Workspace:
             sweep(folder)
 
     def _picture(self) -> bytes:
-        """A small PNG of the view, to know the session by; b"" before there is one."""
+        """Return a small PNG of the view, to know the session by; b"" before there is one."""
         from PIL import Image
 
         if self.window.framebuffer is None:
@@ -281,7 +293,7 @@ class Workspace:
         )  # fmt: skip
 
     def shown_pose(self) -> Pose:
-        """The pose in view: that of the take that plays, or the live one."""
+        """Return the pose in view: that of the take that plays, or the live one."""
         if self.takes.playback is not None:
             return self.takes.playback.pose()
         simulation = self.scene.simulation

@@ -189,7 +189,7 @@ class NextStep:
         return min(onwards, FARTHEST_M) if nearer else max(back, -FARTHEST_M)
 
     def lift(self, points: tuple[tuple[Vector, float], ...], ground: PointHeights) -> float:
-        """Metres over its incoming height at which the foot has to be for edges on its way; 0 without any.
+        """Return how far (metres) the foot has to rise over its incoming height to clear edges on its way; 0 without any.
 
         `points` are the shown toe and ankle, and the incoming heights of their soles.
         """

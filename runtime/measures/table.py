@@ -191,7 +191,7 @@ def kind_of(part: str) -> str:
 
 @cache
 def targets_of(part: str) -> dict[str, Target]:
-    """What can be asked of a part such as "left_arm", by name."""
+    """Return the targets that a prompt can ask of a part such as "left_arm", by name."""
     return {row.name: row for row in TARGETS if row.part == kind_of(part)}
 
 

@@ -78,7 +78,7 @@ class MeasuredSwings:
     gains: Array
 
     def of(self, z: Array) -> tuple[float, ...]:
-        """The gains of a Z^t `(6, 64)`: those of the styles that are near in the parts which tell them, 1 far from all."""
+        """Return the gains of a Z^t `(6, 64)`: those of the measured styles that it is near to, 1 far from all."""
         away = ((self.codes - z) ** 2).mean(-1)
         near = np.stack(
             [np.exp(-0.5 * away[:, parts].mean(1) / KNOWN_STYLE_CODE_DISTANCE**2) for parts in _TOLD_BY]

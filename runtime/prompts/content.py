@@ -109,7 +109,7 @@ MIN_PRESENT_VALUE = 0.1  # twice the usual size of an embedding's components
 
 
 def direction_words(texts: Sequence[str]) -> NDArray[np.float32]:
-    """`(N, len(GROUPS))`: `PRESENT` where a text has a word of the group, else 0."""
+    """Return `(N, len(GROUPS))` numbers: `PRESENT` where a text has a word of the group, else 0."""
     found = np.zeros((len(texts), len(GROUPS)), np.float32)
     for row, text in zip(found, texts, strict=True):
         words = frozenset(re.findall(r"[a-z]+", text.lower()))

@@ -63,7 +63,7 @@ class PromptWorker:
             self._replace(None if self._closed else _Work(prompt))
 
     def answer(self, prompt: Request) -> Answer:
-        """The final answer, on the caller's thread independent of what was submitted; raises its error."""
+        """Return the final answer to a prompt, made on the caller's thread whatever was submitted; its error is raised here."""
         with self._condition:
             expander = self._expander
         return _answer_or_raise(list(self._answers(_Work(prompt), expander))[-1])

@@ -95,7 +95,7 @@ def reworded(inputs: InputRecording, span: PromptSpan, style: StyleChange) -> Ed
 
 
 def with_prompt(inputs: InputRecording, style: StyleChange) -> Edit:
-    """A style that holds from its frame to the next prompt's."""
+    """Insert a style, which holds from its frame to that of the next prompt."""
     _check_frame(inputs, style.frame)
     for span in prompt_spans(inputs):
         if span.start == style.frame:

@@ -26,7 +26,7 @@ class Obstacle:
     half_width: float
 
     def raised(self, x: Array, z: Array) -> NDArray[np.bool_]:
-        """Where the grid points x, z lie on it."""
+        """Return which of the grid points x, z lie on the obstacle."""
         slack = 1e-6  # of the grid's own rounding
         within = (z >= self.begin - slack) & (z <= self.end + slack)
         return within & (np.abs(x) <= self.half_width + slack)

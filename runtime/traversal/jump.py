@@ -179,7 +179,7 @@ class Jump:
         self.swing = self.swing_speed = self.lean = self.lean_speed = 0.0
 
     def raise_by(self, height: float) -> None:
-        """The ground is another one, `height` metres higher."""
+        """Move the jump up by `height` metres: the ground under it is another one."""
         self.hips += height
         if self.stage != "land":  # there heights are over the ground
             self.begin = (self.begin[0] + height, self.begin[1])

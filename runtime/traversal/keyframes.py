@@ -338,7 +338,7 @@ def flat_hand(side: int, inward: float, down: float) -> Quaternion:
 
 
 def timed(rows: Rows, seconds: float) -> Track:
-    """A track of rows whose times are fractions of the whole."""
+    """Return a track of rows, whose times are given as fractions of `seconds`."""
     return Track([(row[0] * seconds, *row[1:]) for row in rows])
 
 

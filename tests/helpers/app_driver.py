@@ -196,5 +196,18 @@ def record(app: App, frames: int = 20, stop: bool = True) -> None:
     run(app)
 
 
+def seek(app: App, frame: int) -> None:
+    """Show a frame of the take that plays, and pause there."""
+    assert app.takes.playback is not None
+    app.takes.playback.seek(frame)
+    run(app, 2)
+
+
+def frame(app: App) -> int:
+    """The frame that is shown of the take that plays."""
+    assert app.takes.playback is not None
+    return app.takes.playback.frame
+
+
 def titles(app: App) -> list[str]:
     return [take.title for take in app.editor.session.takes]

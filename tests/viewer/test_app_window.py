@@ -115,7 +115,7 @@ def test_minimised_window_draws_nothing_and_comes_back(start: Start, monkeypatch
     app = start()
     run(app)
     drawn = app.frames_shown
-    monkeypatch.setattr(type(app.window), "pixels", property(lambda self: (0, 0)))
+    monkeypatch.setattr(app.window, "pixels", (0, 0))
     run(app, 2)
     assert app.frames_shown == drawn
     monkeypatch.undo()

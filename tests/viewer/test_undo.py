@@ -32,6 +32,7 @@ from tests.helpers.walker import walk
 from viewer import services
 from viewer.app import App
 from viewer.gl_bindings import imgui
+from viewer.session.opening import open_file
 
 
 def trim_start(app: App, share: float) -> None:
@@ -188,15 +189,15 @@ def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: S
     begin, end = (place(app, "##shape height", share=share) for share in (0.5, 0.2))
     steps = app.editor.history.present.number
     drag(app, begin, end)
-    shape = app.scene.shape
+    shape = app.editor.session.character.shape
     assert shape.height < 0.95
     assert app.editor.history.present.number == steps + 1
     saved_and_opened(app, tmp_path / "a.sport")
-    assert app.scene.shape == shape
+    assert app.editor.session.character.shape == shape
     assert app.scene.character_name == "mannequin"
     assert "##shape height" in [label for label, _ in drawn(app)], "a slider, and no file"
     undo(app)
-    assert app.scene.shape == BodyShape()
+    assert app.editor.session.character.shape == BodyShape()
     assert app.scene.size == 1.0
 
 
@@ -255,7 +256,7 @@ def test_the_scene_panel_names_the_ground_under_a_file(start: Start, tmp_path: P
     app = start()
     app.scene.load_terrain("hills")
     run(app, 2)
-    app.takes.open(tmp_path / "walk.glb")
+    open_file(app.takes, tmp_path / "walk.glb")
     run(app, 4)
     wanted = "stairs" if named else "hills"
     assert (shown_ground(app).lower(), app.scene.renderer.terrain.name) == (wanted, wanted)

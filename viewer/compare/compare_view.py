@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,7 +10,6 @@ from functools import partial
 
 import numpy as np
 
-from runtime.arrays import Array
 from runtime.controls import Controls
 from runtime.motion.controller import Controller, Crowd
 from runtime.motion.snapshot import take_snapshot
@@ -19,6 +17,7 @@ from runtime.pose import Pose
 from runtime.session.prompt_blend import Answer, PromptBlend, Side
 from runtime.session.session import LIVE, Session, Variant
 from runtime.terrain.height_map import Terrain
+from viewer.compare.lineup import centre_of, distance_to, names, places
 from viewer.edit.path import PathTool
 from viewer.editor import Change, Editor
 from viewer.input.bindings import Action
@@ -26,68 +25,11 @@ from viewer.jobs import Slot
 from viewer.messages import Messages
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.questions import quoted, same_answers
-from viewer.render.camera import Camera
 from viewer.scene.camera_control import CameraControl
 from viewer.scene.scene import Scene
 from viewer.scene.simulation import STEP_SECONDS, interpolate, steps_of
 from viewer.session.takes import Takes
 from viewer.settings import Settings
-
-SPACING_M = 1.5  # between neighbours
-ROW_M = 2.2  # between two rows
-LONGEST_ROW = 5
-ABOVE_M = 2.15  # the highest point of a character and its name
-FILLED_VIEW_FRACTION = 0.86  # of the view that they fill
-
-
-def places(count: int, centre: tuple[float, float], heading: float) -> list[tuple[float, float]]:
-    """X and Z (metres) of characters in a line as seen along `heading` (radians), the first on the left.
-
-    From six on they stand in two rows, the second behind the gaps of the first.
-    """
-    rows = [count] if count <= LONGEST_ROW else [(count + 1) // 2, count // 2]
-    ahead = np.array([math.sin(heading), math.cos(heading)])
-    right = np.array([-ahead[1], ahead[0]])
-    found = []
-    for row, length in enumerate(rows):
-        for k in range(length):
-            aside = (k - (length - 1) / 2) * SPACING_M
-            if len(rows) == 2 and rows[0] == rows[1]:
-                aside += (row - 0.5) * SPACING_M / 2
-            x, z = np.array(centre) + aside * right + (row - (len(rows) - 1) / 2) * ROW_M * ahead
-            found.append((float(x), float(z)))
-    return found
-
-
-def centre_of(poses: Sequence[Pose]) -> Array:
-    """The middle `(3,)` of the box around all, at the height of their hips."""
-    roots = np.array([pose.root_position for pose in poses], float)
-    return np.asarray(0.5 * (roots.min(0) + roots.max(0)) + np.array([0.0, 0.5 * ABOVE_M, 0.0]))
-
-
-def distance_to(poses: Sequence[Pose], camera: Camera, aspect: float) -> float:
-    """Metres from the camera's target at which a free view of this width / height of the window holds all of them."""
-    feet = np.array([pose.root_position for pose in poses], float)
-    points = np.concatenate([feet, feet + np.array([0.0, ABOVE_M, 0.0])]) - centre_of(poses)
-    axes = camera.view_matrix()[:3, :3].astype(float)
-    across, up, back = axes @ points.T
-    half = camera.half_height * FILLED_VIEW_FRACTION
-    aside = (np.abs(across) + 0.45) / (half * aspect)  # half a character's width
-    return float(np.max(np.maximum(aside, np.abs(up) / half) + back))
-
-
-def names(variants: Sequence[Variant]) -> list[tuple[str, str]]:
-    """What each is called, in two: its prompt, which may be cut, and the weight of prompt B and the seed that differ."""
-    weights, seeds = [weight_of(v.prompt) for v in variants], [f"seed {v.seed}" for v in variants]
-    rest = [texts for texts in (weights, seeds) if len(set(texts)) > 1]
-    prompts = [variant.prompt.prompt(Side.A) or "own words" for variant in variants]
-    return [(prompt, "".join(f", {t[i]}" for t in rest if t[i])) for i, prompt in enumerate(prompts)]
-
-
-def weight_of(blend: PromptBlend) -> str:
-    """How much of prompt B is in a blend; "" for none."""
-    return "" if blend.b is None else f"B {100 * blend.master_weight:.0f} %"
-
 
 FEWEST, MOST = 2, 9
 FIRST_COUNT = 3  # variants of a view that was just opened
@@ -182,7 +124,7 @@ class CompareView:
         self._compare(label, [(replace(blend, weights=weight), self._seed) for weight in weights])
 
     def last_prompts(self) -> None:
-        """The live prompt and the ones typed before it, which answer one after the other."""
+        """Compare the live prompt with the ones typed before it, which are answered one after the other."""
         blend = self.prompting.prompt
         texts = [text for text in self.settings.prompt_history if text != blend.prompt(Side.A)]
         texts = texts[: self._count - 1]
@@ -211,7 +153,7 @@ class CompareView:
         return True
 
     def add(self) -> None:
-        """One more with the live prompt and the next seed."""
+        """Add a variant with the live prompt and the next seed."""
         if len(self.variants) < MOST:
             seed = max((variant.seed for variant in self.variants), default=self._seed - 1) + 1
             more = Variant(self._next_number, self.prompting.prompt, seed)
@@ -219,13 +161,13 @@ class CompareView:
             self.editor.do(label, lambda session: replace(session, variants=(*session.variants, more)))
 
     def remove(self, index: int) -> None:
-        """One less; two stay."""
+        """Remove a variant; two stay."""
         if len(self.variants) > FEWEST:
             rest = self.variants[:index] + self.variants[index + 1 :]
             self.editor.do(f"variant {index + 1} removed", lambda session: replace(session, variants=rest))
 
     def reseed(self, index: int, seed: int) -> None:
-        """Another seed for one of them, while the mouse or a key holds its field."""
+        """Change the seed of one variant while the mouse or a key holds its field."""
         change = _with_variant(self.variants[index].number, lambda v: replace(v, seed=max(seed, 0)))
         self.editor.drag(f"seed of variant {index + 1}", change)
 
@@ -295,7 +237,7 @@ class CompareView:
             self.members[index].set_style(style, seconds)
 
     def _restart(self, index: int, seed: int) -> None:
-        """Another seed for one of them, from now on, where it stands."""
+        """Restart a character with another seed where it stands."""
         member, pose = self.members[index], self.poses[index]
         member.seed = seed
         member.reset(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
@@ -335,7 +277,7 @@ class CompareView:
         self._place(centre, yaw)
 
     def begin_typing(self) -> None:
-        """The field of the first variant gets the keyboard."""
+        """Give the keyboard to the field of the first variant."""
         self.focus_requested = True
 
     def close(self, note: str = "") -> bool:
@@ -391,7 +333,7 @@ class CompareView:
         self._before = self.poses
 
     def advance(self, seconds: float, controls: Controls) -> bool:
-        """Let time pass for all, and whether it is open; it closes when a recording or another model begins."""
+        """Let time pass for all, and return whether it is open; it closes when a recording or another model begins."""
         if not self.open:
             return False
         if self.scene.controller is not self._live:
@@ -423,15 +365,14 @@ class CompareView:
             self.close()
             self.messages.error(f"Compare view closed: the model failed ({error}).")
             return
-        ms, simulation = (time.perf_counter() - begin) * 1e3, self.scene.simulation
-        simulation.model_ms += 0.05 * (ms - simulation.model_ms)
+        self.scene.simulation.add_cost((time.perf_counter() - begin) * 1e3)
         self._before, self.poses = self.poses, poses
         fault = next((member.message for member in self.members if member.message), "")
         if fault:
             self.messages.error(fault)
 
     def shown(self, between: bool) -> list[Pose]:
-        """The poses to draw; `between` the last two steps where the display has its own rate."""
+        """Return the poses to draw; `between` the last two steps where the display has its own rate."""
         if not between or len(self._before) != len(self.poses):
             return self.poses
         fraction = self._left_s / STEP_SECONDS
@@ -455,7 +396,7 @@ class CompareView:
 
 
 def _with_variant(number: int, change: Callable[[Variant], Variant]) -> Change:
-    """A change of one variant as one of the session."""
+    """Return a change of one variant as one of the session."""
 
     def changed(session: Session) -> Session:
         variants = tuple(change(v) if v.number == number else v for v in session.variants)

@@ -9,7 +9,8 @@ import numpy as np
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Variant
 from runtime.skeleton import SPORT_SKELETON
-from viewer.compare.compare_view import FEWEST, LONGEST_ROW, MOST, CompareView, names, weight_of
+from viewer.compare.compare_view import FEWEST, MOST, CompareView
+from viewer.compare.lineup import LONGEST_ROW, names, weight_of
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -23,7 +24,7 @@ SEED_WIDTH_PX = 112.0  # pixels at scale 1
 
 
 def panel(compare: CompareView) -> Panel:
-    """The panel, in the place of the prompt while the compare view is open."""
+    """Return the panel, in the place of the prompt while the compare view is open."""
 
     return Panel(
         "Compare", PanelPlace.LEFT, lambda _: draw(compare), ICON.exchange, shown=lambda: compare.open,
@@ -52,17 +53,13 @@ def draw(compare: CompareView) -> None:
 
 def _lineups(compare: CompareView) -> None:
     widgets.muted("One stick drives all. Click one to keep it.", wrap=True)
-    third = widgets.column_width(3)
-    if widgets.button("Seeds", third, "The live prompt, with a seed for each"):
-        compare.seeds()
-    widgets.same_line()
-    hint = "From prompt A to prompt B in equal steps"
-    if widgets.button("Blend", third, hint, enabled=compare.prompting.prompt.b):
-        compare.blends()
-    widgets.same_line()
+    blends = compare.blends if compare.prompting.prompt.b else None
     enough = len(compare.settings.prompt_history) >= FEWEST
-    if widgets.button("Prompts", third, "The live prompt and the last ones before it", enabled=enough):
-        compare.last_prompts()
+    widgets.buttons(
+        ("Seeds", "The live prompt, with a seed for each", compare.seeds),
+        ("Blend", "From prompt A to prompt B in equal steps", blends),
+        ("Prompts", "The live prompt and the last ones before it", compare.last_prompts if enough else None),
+    )
 
 
 def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool]:
@@ -91,7 +88,7 @@ def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool
 
 
 def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
-    """The field; what is typed stays in it until Enter."""
+    """Draw the prompt's field; what is typed stays in it until Enter."""
     name, prompt = "##variant prompt", variant.prompt.prompt(Side.A)
     field_id = imgui.get_id(name)
     if is_active(field_id):
@@ -113,15 +110,12 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
 
 
 def _buttons(compare: CompareView) -> None:
-    half = widgets.column_width(2)
-    hint = "Add a character: the live prompt, the next seed"
-    if widgets.button(f"{ICON.plus} Add", half, hint, enabled=len(compare.variants) < MOST):
-        compare.add()
-    widgets.same_line()
-    if widgets.button("Line up", half, "Line them up again (Home)"):
-        compare.line_up()
-    if widgets.button(f"{ICON.close} Close", -1, "Back to the live character (Escape)"):
-        compare.close()
+    add = compare.add if len(compare.variants) < MOST else None
+    widgets.buttons(
+        (f"{ICON.plus} Add", "Add a character: the live prompt, the next seed", add),
+        ("Line up", "Line them up again (Home)", compare.line_up),
+    )
+    widgets.buttons((f"{ICON.close} Close", "Back to the live character (Escape)", compare.close))
 
 
 Place = tuple[float, float]  # on the screen
@@ -134,7 +128,7 @@ NAMES_FROM_PX = 110.0  # where there is less room for a name
 
 
 def names_panel(compare: CompareView) -> Panel:
-    """The names; a click on a character keeps it."""
+    """Return the panel of names over the characters; a click on a character keeps it."""
 
     def draw_names(view: Rect) -> None:
         camera, size = compare.scene.camera.current, imgui.get_io().display_size
@@ -157,7 +151,7 @@ def names_panel(compare: CompareView) -> Panel:
 def _draw_name(
     compare: CompareView, index: int, head: Place, foot: Place | None, width: float, view: Rect
 ) -> None:
-    """The number and name of a character at a place on the screen, as wide as there is room."""
+    """Draw the number and name of a character at a place on the screen, as wide as there is room."""
     hovered, count = index == compare.hovered, len(compare.poses)
     if width < px(NAMES_FROM_PX) and not hovered:  # the panel has the names
         text = f"{index + 1}"
@@ -173,7 +167,7 @@ def _draw_name(
 
 
 def _name_of(compare: CompareView, index: int, whole: bool) -> tuple[str, str]:
-    """Its prompt and what differs; "" for a prompt that all have, unless the `whole` name is wanted."""
+    """Return its prompt and what differs; "" for a prompt that all have, unless the `whole` name is wanted."""
     if compare.variants[index].number in compare.pending:
         return "…", ""
     found = names(compare.variants)
@@ -183,14 +177,14 @@ def _name_of(compare: CompareView, index: int, whole: bool) -> tuple[str, str]:
 
 
 def _name_width(heads: list[Place]) -> float:
-    """Pixels for one name, so that neighbours at about the same height do not overlap."""
+    """Return pixels for one name, so that neighbours at about the same height do not overlap."""
     line = 1.5 * imgui.get_text_line_height()
     gaps = [abs(a[0] - b[0]) for k, a in enumerate(heads) for b in heads[:k] if abs(a[1] - b[1]) < line]
     return min(max(min(gaps, default=px(MAX_NAME_PX)) - px(6), px(MIN_NAME_PX)), px(MAX_NAME_PX))
 
 
 def _under_mouse(heads: list[Place | None], feet: list[Place | None]) -> int:
-    """The nearest character whose box or name is under the mouse; -1 for none."""
+    """Return the nearest character whose box or name is under the mouse; -1 for none."""
     mouse, best = imgui.get_io().mouse_pos, (math.inf, -1)
     for i, (head, foot) in enumerate(zip(heads, feet, strict=True)):
         if head is None or foot is None:
@@ -204,7 +198,7 @@ def _under_mouse(heads: list[Place | None], feet: list[Place | None]) -> int:
 
 
 def _fitted(number: str, name: str, rest: str, width: float) -> str:
-    """The name cut to a width; the rest, which tells it from others of that name, stays whole."""
+    """Return the name cut to a width; the rest, which tells it from others of that name, stays whole."""
     room = width - imgui.calc_text_size(rest).x
     if not name or room < px(MIN_WORDS_PX):
         return widgets.elided(f"{number}  {rest.lstrip(', ') or name}", width)

@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.errors import SportError
 from runtime.pose import FPS, Pose
-from runtime.session.session import LIVE, Take
+from runtime.session.session import LIVE
 from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
@@ -36,12 +36,8 @@ class CameraKeys:
     _frame: tuple[int, int] = (-1, -1)  # the take and the frame that were looked at last
 
     @property
-    def take(self) -> Take | None:
-        return self.takes.played
-
-    @property
     def keys(self) -> tuple[CameraKey, ...]:
-        return () if self.take is None else self.take.cameras
+        return () if self.takes.played is None else self.takes.played.cameras
 
     @property
     def through(self) -> bool:
@@ -56,7 +52,7 @@ class CameraKeys:
 
     def add(self) -> None:
         """Key the view as it is at the frame shown, or now: keys of the live character go into what is recorded."""
-        playback, take = self.takes.playback, self.take or self.editor.session.live
+        playback, take = self.takes.playback, self.takes.played or self.editor.session.live
         if len(take.cameras) >= MAX_KEYS:
             return
         scene = self.takes.scene
@@ -83,7 +79,7 @@ class CameraKeys:
         )
 
     def _put(self, label: str, keys: tuple[CameraKey, ...]) -> None:
-        self.editor.put(label, LIVE if self.take is None else self.take.number, cameras=keys)
+        self.editor.put(label, LIVE if self.takes.played is None else self.takes.played.number, cameras=keys)
 
     def look(self, pose: Pose, terrain: Terrain) -> None:
         """Let the view follow the keys while the take plays or is sought; call once a frame before it is drawn."""
@@ -99,14 +95,14 @@ class CameraKeys:
             camera.target = looked_at(pose.hips_position, terrain) + np.array([key.x, key.y, key.z])
 
     def panel(self) -> Panel:
-        """What a film through the keys shows, as a frame in the view."""
+        """Return what a film through the keys shows, as a frame in the view."""
         actions = {Action.KEYED_CAMERA: self.toggle}
         return Panel(
             "Film", PanelPlace.SIGN, lambda _: self._draw(), shown=lambda: self.through, actions=actions
         )
 
     def fit(self, most: float, aspect: float) -> float:
-        """The fraction of the height for the view, so that the film lies in a free view of this `aspect`."""
+        """Return the fraction of the height for the view, so that the film lies in a free view of this `aspect`."""
         usual = math.tan(FOV_Y_RAD / 2) / self._half_height
         return FILM_VIEW_FRACTION * usual * min(most, aspect / self._aspect)
 

@@ -37,7 +37,7 @@ class Cutting:
     takes: Takes
 
     def split(self) -> None:
-        """Two takes of one, at the frame shown."""
+        """Split the take into two at the frame shown."""
         playback, take = self.takes.playback, self.takes.played
         if playback is None or take is None:
             return
@@ -48,7 +48,7 @@ class Cutting:
             messages.note("Go to a frame between the trim handles to split the take there.")
 
     def cut(self) -> None:
-        """A new take without what lies between the trim handles."""
+        """Make a take without what lies between the trim handles."""
         take = self.takes.played
         if take is not None and not take.trimmed:
             self.takes.messages.note("Put the trim handles around what is to be cut out.")
@@ -59,7 +59,7 @@ class Cutting:
             )
 
     def repeat(self, times: int) -> None:
-        """A new take of what the trim keeps, so many times."""
+        """Make a take that repeats what the trim keeps so many times."""
         take = self.takes.played
         if take is not None:
             name = f"{take.title} x {times}"
@@ -68,7 +68,7 @@ class Cutting:
             )
 
     def loop(self) -> None:
-        """A new take: the best cycle of what the trim keeps, as an export with "Loop" writes it."""
+        """Make a take of the best cycle of what the trim keeps, as an export with "Loop" writes it."""
         take = self.takes.played
         if take is not None:
 
@@ -79,7 +79,7 @@ class Cutting:
             self._make(take, f"{take.title}, loop", work, take.range[0])
 
     def join(self, number: int) -> None:
-        """A new take: the one that plays, then another one."""
+        """Make a take of the one that plays, then another one."""
         take, other = self.takes.played, self.takes.session.take(number)
         if take is not None and other is not None and number != LIVE:
             name, own, theirs = f"{take.title} + {other.title}", _ground(take), _ground(other)
@@ -114,12 +114,12 @@ class Cutting:
     def menu(self) -> None:
         take = self.takes.played
         others = [other for other in self.takes.session.takes if other is not take]
-        if widgets.item("Split here", SPLIT_HINT):
-            self.split()
-        if widgets.item("Cut out what the handles keep", CUT_HINT):
-            self.cut()
-        if widgets.item("Loop", LOOP_HINT):
-            self.loop()
+        for text, hint, act in (
+            ("Split here", SPLIT_HINT, self.split), ("Cut out what the handles keep", CUT_HINT, self.cut),
+            ("Loop", LOOP_HINT, self.loop),
+        ):  # fmt: skip
+            if widgets.item(text, hint):
+                act()
         self._several(others)
 
     def _several(self, others: list[Take]) -> None:

@@ -30,11 +30,11 @@ class Bones:
     triangles: AnyArray
 
     def skin_matrices(self, pose: Pose) -> Array:
-        """Those of a figure are made of its points."""
+        """Raise NotImplementedError: the matrices of bones are made of their points."""
         raise NotImplementedError("bones follow points: `matrices`")
 
     def matrices(self, points: Array) -> Array:
-        """Matrices `(B, 4, 4)` that put each spindle between its two `points` `(K, 3)`."""
+        """Return the matrices `(B, 4, 4)` that put each spindle between its two `points` `(K, 3)`."""
         start, along = points[self.ends[:, 0]], points[self.ends[:, 1]] - points[self.ends[:, 0]]
         length = np.maximum(np.linalg.norm(along, axis=1), 1e-6)
         up = along / length[:, None]
@@ -51,7 +51,7 @@ class Bones:
 
 
 def bones_of(own: OwnSkeleton) -> Bones:
-    """The spindles of a skeleton; of more than can be drawn the longest."""
+    """Return the spindles of a skeleton; of more than can be drawn the longest."""
     ends = np.array([(parent, k) for k, parent in enumerate(own.parents) if parent >= 0], np.int64).reshape(
         -1, 2
     )
@@ -74,7 +74,7 @@ def bones_of(own: OwnSkeleton) -> Bones:
 
 
 def _spindle() -> tuple[Array, Array]:
-    """Corners `(24, 3)` and normals of eight flat triangles around +Y, counter-clockwise from outside."""
+    """Return corners `(24, 3)` and normals of eight flat triangles around +Y, counter-clockwise from outside."""
     ring = np.array(
         [
             (1.0, WAIST_BONE_FRACTION, 0.0),

@@ -22,7 +22,7 @@ JOINTS = tuple(
 
 
 def ghosts(playback: Playback, every: int) -> list[Pose]:
-    """Poses at every so many frames around the one shown, within the trim marks; none too near to it."""
+    """Return the poses at every so many frames around the one shown, within the trim marks; none too near to it."""
     frame = playback.frame
     centre = round(frame / every)
     numbers = [k * every for k in range(centre - GHOSTS, centre + GHOSTS + 1)]
@@ -41,7 +41,7 @@ class Trails:
     _points: NDArray[np.floating] | None = None  # (T, J, 3)
 
     def around(self, playback: Playback) -> TrailOverlay:
-        """The trails of the frames around the one shown."""
+        """Return the trails of the frames around the one shown."""
         clip = playback.clip
         if self._points is None or self._clip is not clip:
             self._clip, self._points = clip, clip.world()[0][:, JOINTS]
@@ -53,7 +53,7 @@ class Trails:
 
 
 def speeds(points: NDArray[np.floating], fps: float) -> NDArray[np.floating]:
-    """Speeds `(T, J)` in metres per second of points `(T, J, 3)`, by differences over `SPEED_SECONDS`."""
+    """Return speeds `(T, J)` in metres per second of points `(T, J, 3)`, by differences over `SPEED_SECONDS`."""
     if len(points) < 2:
         return np.zeros(points.shape[:2])
     half = max(round(0.5 * SPEED_SECONDS * fps), 1)

@@ -92,7 +92,7 @@ class GraphEditor:
         return was
 
     def panel(self) -> Panel:
-        """The window, over the view until it is moved; Escape closes it."""
+        """Return the window, over the view until it is moved; Escape closes it."""
         return Panel(
             "Curves", PanelPlace.VIEW, self._draw,
             shown=lambda: self.open and self.takes.playback is not None, close=self.close,
@@ -185,11 +185,10 @@ class GraphEditor:
         if imgui.is_key_pressed(imgui.Key.delete, False):
             self.remove()
         if imgui.get_io().key_ctrl and imgui.is_key_pressed(imgui.Key.a, False):
-            self.chosen = frozenset(self._all_keys())
-
-    def _all_keys(self) -> list[CurveKey]:
-        curves = self.curves
-        return [CurveKey(channel, frame) for channel in self._shown(curves) for frame in curves.keys(channel)]
+            keys = {each: self.curves.keys(each) for each in self._shown(self.curves)}
+            self.chosen = frozenset(
+                CurveKey(each, frame) for each, frames in keys.items() for frame in frames
+            )
 
     def _shown(self, curves: KeyedCurves) -> list[Channel]:
         return [each for each in curves.channels() if (each.curve, each.joint) not in self.hidden]
@@ -202,6 +201,12 @@ class GraphEditor:
         gap = imgui.get_style().item_spacing.x
         room = (imgui.get_content_region_avail().x - FIELDS * gap) / FIELDS
         self._field_width = min(px(FIELD_WIDTH_PX), room)
+        self._chosen_key(curves)
+        self._tangents(curves)
+        self._eases(curves)
+
+    def _chosen_key(self, curves: KeyedCurves) -> None:
+        """Frame and value of the key that is chosen alone."""
         (first, *others) = self.chosen or (None,)
         frame = value = 0.0
         if first is not None:
@@ -215,6 +220,9 @@ class GraphEditor:
             change = new_value - value
             self.put("move of keys", lambda: curves.moved(chosen, by, lambda _: change), held=True)
             self.chosen = frozenset({first._replace(frame=first.frame + curves.bounded(chosen, by))})
+
+    def _tangents(self, curves: KeyedCurves) -> None:
+        """How the curves pass the chosen pose keys."""
         tangents = {curves.tangent(key) for key in self.chosen} - {None}
         with widgets.disabled(not tangents):
             imgui.set_next_item_width(self._field_width)
@@ -225,7 +233,6 @@ class GraphEditor:
         if isinstance(picked, Tangent) and tangents != {picked} and tangents:
             self.put("tangent of keys", lambda: curves.with_tangent(self.chosen, picked))
         imgui.same_line()
-        self._eases(curves)
 
     def _number(self, name: str, value: float, text: str, hint: str) -> float:
         imgui.set_next_item_width(self._field_width)

@@ -35,7 +35,7 @@ class Handles:
 
 
 def _nearest(camera: Camera, points: Array, mouse: imgui.ImVec2, size: imgui.ImVec2) -> int:
-    """The point under the mouse; -1 for none."""
+    """Return the point under the mouse; -1 for none."""
     shown = [on_screen(camera, point, size) for point in points]
     away = [np.inf if at is None else np.hypot(at[0] - mouse.x, at[1] - mouse.y) for at in shown]
     best = int(np.argmin(away)) if away else -1
@@ -43,7 +43,7 @@ def _nearest(camera: Camera, points: Array, mouse: imgui.ImVec2, size: imgui.ImV
 
 
 def dragged(camera: Camera, point: Array) -> Array:
-    """The point `(3,)` moved as the mouse was in this frame, as far from the camera as it is."""
+    """Return the point `(3,)` moved as the mouse was in this frame, as far from the camera as it is."""
     io, view = imgui.get_io(), camera.view_matrix().astype(float)
     depth = -(view @ np.array([*point, 1.0]))[2]
     metres = 2.0 * camera.half_height * depth / max(io.display_size.y, 1.0)
@@ -53,7 +53,7 @@ def dragged(camera: Camera, point: Array) -> Array:
 def ground_under(
     camera: Camera, terrain: Terrain, mouse: imgui.ImVec2, size: imgui.ImVec2
 ) -> tuple[float, float] | None:
-    """X and Z (metres) of the ground under a screen position; None for the sky."""
+    """Return X and Z (metres) of the ground under a screen position; None for the sky."""
     across, up = 2.0 * mouse.x / max(size.x, 1.0) - 1.0, 1.0 - 2.0 * mouse.y / max(size.y, 1.0)
     view, half = camera.view_matrix().astype(float), camera.half_height
     ray = -view[2, :3] + (across - camera.shift) * half * size.x / max(size.y, 1.0) * view[0, :3]
@@ -72,7 +72,7 @@ def ground_under(
 
 
 def on_screen(camera: Camera, point: Array, size: imgui.ImVec2) -> tuple[float, float] | None:
-    """Where a point `(3,)` shows, in screen units; None behind the camera."""
+    """Return where a point `(3,)` shows, in screen units; None behind the camera."""
     matrix = camera.projection_matrix(size.x / max(size.y, 1.0)) @ camera.view_matrix()
     x, y, _, w = (float(v) for v in matrix @ np.array([*point, 1.0]))
     return ((0.5 + 0.5 * x / w) * size.x, (0.5 - 0.5 * y / w) * size.y) if w > 0.0 else None

@@ -34,7 +34,7 @@ TakeChange = Callable[[Take, Items, Items], tuple[Take, Items]]
 
 
 def item_kinds(editing: Resimulation, pins: Pins) -> dict[str, ItemKind]:
-    """Every kind of item by its name, in the order of the tracks."""
+    """Return every kind of item by its name, in the order of the tracks."""
 
     def of_take(items: Callable[[Take], list[Item]]) -> Callable[[], list[Item]]:
         return lambda: [] if editing.take is None else items(editing.take)
@@ -65,7 +65,7 @@ def item_kinds(editing: Resimulation, pins: Pins) -> dict[str, ItemKind]:
 
 
 def _to_take(change: TakeChange) -> Callable[[Session, int, Items, Items], tuple[Session, Items]]:
-    """A change of the take that plays as one of the session."""
+    """Return a change of the take that plays as one of the session."""
 
     def changed(session: Session, number: int, gone: Items, put: Items) -> tuple[Session, Items]:
         take = session.take(number)
@@ -81,7 +81,7 @@ def _to_take(change: TakeChange) -> Callable[[Session, int, Items, Items], tuple
 
 
 def _places(spans: Sequence[Span], gone: Items, put: Items) -> list[int]:
-    """The places of spans that an edit takes away; UsageError where nothing would be left."""
+    """Return the places of spans that an edit takes away; UsageError where nothing would be left."""
     starts = {item.start for item in gone}
     places = [i for i, span in enumerate(spans) if span.start in starts]
     if len(places) == len(spans) and not put:
@@ -107,17 +107,17 @@ def _points(keys: Sequence[Any], fps: float, kind: str) -> list[Item]:
 
 
 def camera_items(take: Take) -> list[Item]:
-    """The camera keys of a take."""
+    """Return the camera keys of a take."""
     return _points(take.cameras, take.made.header.fps, CAMERA_KEYS)
 
 
 def pose_items(take: Take) -> list[Item]:
-    """The keys of the pose layer of a take."""
+    """Return the keys of the pose layer of a take."""
     return _points(take.poses.layer.keys, take.made.header.fps, POSE_KEYS)
 
 
 def _at_seconds(item: Item, fps: float) -> Any:
-    """The key of an item at its frame."""
+    """Return the key of an item at its frame."""
     there = round(item.value.seconds * fps) == item.start
     return item.value if there else replace(item.value, seconds=item.start / fps)
 
@@ -142,7 +142,7 @@ def _pose_keys(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
 
 
 def pin_items(take: Take) -> list[Item]:
-    """The pins of a take; the last frame of each is in it."""
+    """Return the pins of a take; the last frame of each is in it."""
     header = take.made.header
     return [
         Item(start, max(last, start) + 1, PINS, pin, index)
@@ -171,7 +171,7 @@ def _pins(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
 
 
 def _moved_pin(old: Item, new: Item, frames: int, fps: float) -> Pin:
-    """The pin of an item at other frames; an end that did not move keeps its time."""
+    """Return the pin of an item at other frames; an end that did not move keeps its time."""
     pin: Pin = old.value
     start = pin.start if new.start == old.start else new.start / fps
     end = pin.end if new.end == old.end else (min(new.end, frames) - 1) / fps
@@ -179,7 +179,7 @@ def _moved_pin(old: Item, new: Item, frames: int, fps: float) -> Pin:
 
 
 def _footplants(pins: Pins, take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
-    """Edits of footplants in an order in which none is in the way of another."""
+    """Return edits of footplants in an order in which none is in the way of another."""
     known = {foot: pins.planted_frames(take, foot) for foot in (0, 1)}
     made: list[FootplantEdit] = []
     now: list[Item] = []
@@ -197,13 +197,13 @@ def _footplants(pins: Pins, take: Take, gone: Items, put: Items) -> tuple[Take, 
 
 
 def _paired(gone: Items, put: Items) -> list[tuple[Any, Any]]:
-    """What goes with what comes in its place, the first ones first; the last ones where they are moved to later frames."""
+    """Return what goes with what comes in its place, the first ones first; the last ones where they are moved to later frames."""
     pairs = sorted(zip_longest(gone, put), key=lambda pair: (pair[0] or pair[1]).start)
     return pairs[::-1] if gone and put and put[0].start > gone[0].start else pairs
 
 
 def _fitted(known: list[Frames], frames: int, before: Frames | None, new: Item | None) -> Frames | None:
-    """The frames of a footplant of a take of so many; None where it is taken away."""
+    """Return the frames of a footplant of a take of so many; None where it is taken away."""
     return None if new is None else fitted_footplant(known, frames, before, new.start, new.end)
 
 

@@ -28,7 +28,7 @@ class Item(Span):
         return self.kind, self.lane, 0 if self.kind in (TAKES, PINS) else self.start
 
     def at(self, start: int, end: int) -> Item:
-        """The item at other frames."""
+        """Return the item at other frames."""
         return replace(self, start=start, end=end)
 
 

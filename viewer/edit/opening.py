@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from runtime.character.read import MOTIONS, SUFFIXES
@@ -13,6 +14,7 @@ from viewer.edit.video import SUFFIXES as VIDEOS
 from viewer.gui.dialogs import DialogKind
 from viewer.jobs import Slot
 from viewer.scene.scene import Scene
+from viewer.session.opening import open_file
 from viewer.session.sessions import Sessions
 from viewer.session.takes import Takes
 
@@ -28,7 +30,7 @@ class FileOpener:
     def by_ending(self) -> dict[str, Callable[[Path], None]]:
         """What opens a file, by its ending."""
         films = dict.fromkeys(VIDEOS, self.references.open_video)
-        takes = dict.fromkeys(MOTIONS, self.takes.open)
+        takes = dict.fromkeys(MOTIONS, partial(open_file, self.takes))
         models = dict.fromkeys(SUFFIXES, self._open_gltf)
         return {**self.scene.files, **takes, **models, **films, SUFFIX: self.sessions.open}
 
@@ -57,7 +59,7 @@ class FileOpener:
                 if skinned or not animated:
                     (self.scene.open_character if skinned else self.scene.load_terrain)(path)
                 if animated:
-                    self.takes.open(path)
+                    open_file(self.takes, path)
 
         jobs.submit(Slot("open", path), lambda: contents(path), opened, reading=path.name)
 

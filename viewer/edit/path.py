@@ -85,7 +85,7 @@ class PathTool:
             return ()
 
     def follow(self, before: Session, now: Session) -> None:
-        """A walk along another path ends."""
+        """End the walk when the path is another one."""
         if before.live.path != now.live.path:
             self.walk = None
 
@@ -112,7 +112,7 @@ class PathTool:
         self.editor.put(f"{label}{name}", number, held, path=points)
 
     def add(self, x: float, z: float, held: bool = False) -> None:
-        """Another last point, with the speed and gait of the one before."""
+        """Add a last point, with the speed and gait of the one before."""
         points = self.points
         if len(points) < MAX_POINTS:
             before = points[-1] if points else Waypoint(x, z)
@@ -120,7 +120,7 @@ class PathTool:
             self.selected = len(points)
 
     def change(self, **values: float | Gait) -> None:
-        """Another place, speed or gait for the selected point, while the mouse holds it."""
+        """Change place, speed or gait of the selected point while the mouse holds it."""
         points, i = self.points, self.selected
         if 0 <= i < len(points):
             made = replace(points[i], **values)  # type: ignore[arg-type]
@@ -145,7 +145,7 @@ class PathTool:
     # --- mouse
 
     def use_mouse(self, camera: Camera, terrain: Terrain) -> bool:
-        """Set, take and drag points in this frame; whether the left button is the tool's."""
+        """Set, take and drag points in this frame; return whether the left button is the tool's."""
         io, handles = imgui.get_io(), self._handles
         if not self.active:
             return False
@@ -201,7 +201,7 @@ class PathTool:
         return PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
 
     def controls(self, own: Controls, dt: float) -> Controls:
-        """The path's stick while it is walked; any stick of the user ends the walk."""
+        """Return the path's stick while it is walked; any stick of the user ends the walk."""
         walk = self.walk
         if walk is None or any(own.move):
             self.walk = None
@@ -237,7 +237,7 @@ class PathTool:
         draw_pins(third)
 
     def panel(self) -> Panel:
-        """The card of the selected point, over the view while points are set; Escape ends that."""
+        """Return the card of the selected point, over the view while points are set; Escape ends that."""
 
         def close() -> bool:
             was, self.active = self.active, False
@@ -265,9 +265,6 @@ class PathTool:
         widgets.tooltip("Stick deflection on the way to this point")
         if gait != point.gait or moved:
             self.change(gait=gait, speed=speed / 100.0)
-        half = widgets.column_width(2)
-        if widgets.button("Delete", half, "Remove this point (Delete)"):
-            self.delete()
-        widgets.same_line()
-        if widgets.button("Clear", half, "Remove every point"):
-            self.clear()
+        widgets.buttons(
+            ("Delete", "Remove this point (Delete)", self.delete), ("Clear", "Remove every point", self.clear)
+        )

@@ -130,13 +130,13 @@ class Pins:
             self.selected = -1
 
     def change(self, pin: Pin) -> None:
-        """Another point, time or kind for the selected pin, while the mouse holds its field or handle."""
+        """Change point, time or kind of the selected pin while the mouse holds its field or handle."""
         old, pins = self.pin, self.take.poses.pins
         if old is not None and pin != old:
             self._put(f"pin of the {pin.what}", tuple(pin if p is old else p for p in pins), held=True)
 
     def try_change(self, make: Callable[[], Pin]) -> None:
-        """The same with a pin that may be none: what is wrong is said."""
+        """Do as `change` with the pin that `make` returns; post its SportError."""
         try:
             self.change(make())
         except SportError as error:
@@ -167,7 +167,7 @@ class Pins:
         self.change(replace(pin, along=False, point=_triple(point), rail=_triple(point + way)))
 
     def close(self) -> bool:
-        """Select nothing; whether something was."""
+        """Select nothing; return whether something was."""
         was, self.selected = self.pin is not None, -1
         return was
 
@@ -186,7 +186,7 @@ class Pins:
             self.editor.messages.note(f"{take.title}: {label}. Ctrl+Z undoes it.")
 
     def reach(self) -> float:
-        """Metres from the selected pin of a take to what it holds in the worst frame, where that is much; else 0."""
+        """Return metres from the selected pin of a take to what it holds in the worst frame, where that is much; else 0."""
         playback, pin = self.playback, self.pin
         if playback is None or pin is None or playback.shown is not playback.take:
             return 0.0
@@ -196,14 +196,14 @@ class Pins:
     # --- footplants
 
     def planted_frames(self, take: Take, foot: int) -> list[Frames]:
-        """When a foot of a take bears, with its footplants and without its pins."""
+        """Return when a foot of a take bears, with its footplants and without its pins."""
         key, known = (take.made, take.mirrored, take.poses.footplants), self._planted
         if known is None or known[0] != key:
             known = self._planted = key, replanted(take.base_clip, take.poses.footplants)
         return footplants(known[1].contacts[:, 2 * foot : 2 * foot + 2])
 
     def footplants(self, foot: int) -> list[Frames]:
-        """When a foot of the take that plays bears; while one is dragged, as it would."""
+        """Return when a foot of the take that plays bears; while one is dragged, as it would."""
         playback = self.playback
         if playback is None:
             return []
@@ -246,7 +246,7 @@ class Pins:
         return PinOverlay(np.array([p for _, _, p in points]), lit, np.array(rails).reshape(-1, 2, 3))
 
     def use_mouse(self, camera: Camera) -> bool:
-        """Take and drag handles in this frame; whether the left button is in use here."""
+        """Take and drag handles in this frame; return whether the left button is in use here."""
         points, handles = self._points(), self._handles
         moves = handles.use_mouse(camera, np.array([place for _, _, place in points]))
         if not 0 <= handles.held < len(points):
@@ -267,14 +267,14 @@ class Pins:
     # --- panels
 
     def panel(self) -> Panel:
-        """The card of the selected pin over the view; Escape closes it."""
+        """Return the card of the selected pin over the view; Escape closes it."""
         return Panel(
             "Pin", PanelPlace.VIEW, lambda view: _draw_card(self, view), shown=lambda: self.pin is not None,
             close=self.close,
         )  # fmt: skip
 
     def draw_live(self, key_camera: Callable[[], None], width: float) -> None:
-        """A button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
+        """Draw a button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
         held = [pin.what for pin in self.pins] if self.playback is None else []
         hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
         text = "Hold…" if not held else f"Holds {len(held)}"

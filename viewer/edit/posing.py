@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -101,7 +102,7 @@ class Posing:
                 self.takes.playback.seek(self.takes.playback.frame)
 
     def close(self) -> bool:
-        """Pick no joint, then end it; whether anything was open."""
+        """Pick no joint, then end it; return whether anything was open."""
         was, self.open = self.shown, self.joint >= 0 and self.open
         self.joint = -1
         return was
@@ -161,7 +162,7 @@ class Posing:
             )
 
     def set_tangent(self, tangent: Tangent) -> None:
-        """How the curves pass the key at the frame shown."""
+        """Set how the curves pass the key at the frame shown."""
         key, playback = self.key, self.takes.playback
         if key is not None and playback is not None and key.tangent is not tangent:
             made = replace(key, tangent=tangent)
@@ -191,13 +192,14 @@ class Posing:
     # --- in the view
 
     def use_mouse(self, camera: Camera) -> bool:
-        """Pick a joint in this frame; whether the left button is in use here."""
+        """Pick a joint in this frame; return whether the left button is in use here."""
         playback = self.takes.playback
         if not self.shown or playback is None:
             return False
         pose, handles = playback.pose(), self._handles
         drawn = self.joint >= 0 and handles.held < 0  # else it says what it said last
-        if drawn and (_uses_arrows() if self.moves else self.rings.used):
+        over = im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none
+        if drawn and (over or im_guizmo.is_using_any() if self.moves else self.rings.used):
             return True
         moves = handles.use_mouse(camera, pose.positions[list(JOINTS)])
         if handles.held < 0:
@@ -211,7 +213,7 @@ class Posing:
         return True
 
     def panel(self) -> Panel:
-        """The card, with dots and gizmo in the view; Escape lets the joint go, then closes it."""
+        """Return the card, with dots and gizmo in the view; Escape lets the joint go, then closes it."""
         return Panel("Pose", PanelPlace.VIEW, self._draw, shown=lambda: self.shown, close=self.close)
 
     def _draw(self, view: Rect) -> None:
@@ -290,30 +292,21 @@ def _draw_card(posing: Posing, view: Rect) -> None:
         posing.moves = widgets.segmented("gizmo", ((False, "Turn"), (True, "Move")), posing.moves)
         posing.world = widgets.segmented("axes", ((True, "World"), (False, "Local")), posing.world)
         imgui.begin_disabled(posing.joint < 0)
-        _buttons(
-            ("Key", "Key the joint as it is at this frame", posing.set_key),
-            ("Free", "From here on the joint follows the motion", lambda: posing.set_key(release=True)),
-            ("Del", "Take the joint out of the key at this frame", posing.remove_joint),
+        widgets.buttons(
+            ("Key##pose", "Key the joint as it is at this frame", posing.set_key),
+            ("Free##pose", "From here on the joint follows the motion", lambda: posing.set_key(release=True)),
+            ("Del##pose", "Take the joint out of the key at this frame", posing.remove_joint),
         )
         imgui.end_disabled()
-        _buttons(
-            ("Copy", "Copy the whole pose", posing.copy),
-            ("Paste", "Key the copied pose here", posing.paste),
-            ("Mirror", "Key the mirror image of the copied pose here", lambda: posing.paste(mirror=True)),
+        mirror = partial(posing.paste, mirror=True)
+        widgets.buttons(
+            ("Copy##pose", "Copy the whole pose", posing.copy),
+            ("Paste##pose", "Key the copied pose here", posing.paste),
+            ("Mirror##pose", "Key the mirror image of the copied pose here", mirror),
         )
         if view.height < px(LOW_PX):
             return
         _draw_layer(posing, half)
-
-
-def _buttons(*buttons: tuple[str, str, Callable[[], None]]) -> None:
-    """A line of buttons: text, hint and action."""
-    width = widgets.column_width(len(buttons))
-    for number, (text, hint, act) in enumerate(buttons):
-        if number:
-            widgets.same_line()
-        if widgets.button(f"{text}##pose", width, hint):
-            act()
 
 
 def _draw_layer(posing: Posing, half: float) -> None:
@@ -332,9 +325,3 @@ def _draw_layer(posing: Posing, half: float) -> None:
         widgets.tooltip("How the curves pass this key")
     if key is not None and isinstance(chosen, Tangent):
         posing.set_tangent(chosen)
-
-
-def _uses_arrows() -> bool:
-    """Whether the mouse holds one of them or is over one."""
-    over = im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none
-    return over or bool(im_guizmo.is_using_any())

@@ -47,7 +47,7 @@ class Look(StrEnum):
 
 
 def _lies_in(folder: Path, path: Path) -> bool:
-    """Whether a path leads into a folder without a link; one that leads elsewhere is not looked at."""
+    """Return whether a path leads into a folder without a link; one that leads elsewhere is not looked at."""
     if ".." in path.parts or not path.is_relative_to(folder):
         return False
     return not any(
@@ -126,7 +126,7 @@ class References:
             self.editor.do("end of the comparison", lambda session: replace(session, reference=None))
 
     def set(self, held: bool = False, **values: Any) -> None:
-        """Other values for fields of the reference; `held`: while the mouse holds the field."""
+        """Set fields of the reference; `held`: while the mouse holds the field."""
         made = replace(self.reference, **values)
         change = self.editor.drag if held else self.editor.do
         change("place of the reference", lambda session: replace(session, reference=made))
@@ -185,11 +185,11 @@ class References:
     # --- what is shown
 
     def time_s(self, playback: Playback) -> float:
-        """The reference's own time at the one that is shown of the take."""
+        """Return the reference's own time at the one that is shown of the take."""
         return playback.time_s - playback.start_s + self.reference.offset_s
 
     def _clip_of(self, take: Take) -> Clip | None:
-        """The frames of a take; None until they are loaded."""
+        """Return the frames of a take; None until they are loaded."""
         if self._clip is None or self._clip[0] != take:
             self._clip = take, None
 
@@ -201,7 +201,7 @@ class References:
         return self._clip[1]
 
     def pose(self, playback: Playback) -> Pose | None:
-        """The reference in our skeleton at the time that is shown of the take; None where there is none."""
+        """Return the reference in our skeleton at the time that is shown of the take; None where there is none."""
         take = self.take
         if not self.shown or take is None:
             return None
@@ -219,7 +219,7 @@ class References:
         return make_pose(hips, local, pose.contacts, ground, pose.root_yaw + turn)
 
     def figure(self, playback: Playback, pose: Pose) -> Figure | None:
-        """The reference at `pose` as a character of another mesh; None where the character on the stage shows it."""
+        """Return the reference at `pose` as a character of another mesh; None where the character on the stage shows it."""
         if self.look is Look.CHARACTER and self.character is not None:
             return Figure(self.character, self.character.skin_matrices(pose), pose, ghost=self.reference.over)
         take = self.take
@@ -238,7 +238,7 @@ class References:
         return Figure(bones, bones.matrices(points + pose.hips_position), pose, on_top=self.reference.over)
 
     def _place(self, take: Clip, clip: Clip) -> tuple[Array, float]:
-        """The shift `(3,)` and the turn that let the reference begin where the take does, next to it."""
+        """Return the shift `(3,)` and the turn that let the reference begin where the take does, next to it."""
         if self._placed is None or self._placed[0] is not take or self._placed[1] is not clip:
             ours, theirs = take.pose(0), clip.pose(0)
             turn = math.remainder(ours.root_yaw - theirs.root_yaw, math.tau)

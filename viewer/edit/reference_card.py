@@ -18,6 +18,7 @@ from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
+from viewer.session.opening import open_reference
 from viewer.session.playback import Playback
 
 WIDTH_PX, SMALL_WIDTH_PX = 292.0, 178.0  # of a film's card at least, pixels at scale 1
@@ -53,7 +54,7 @@ class ReferenceCard:
         )
 
     def menu(self) -> None:
-        """Entries of a menu: the other takes of the list, and a file."""
+        """Draw the entries of a menu: the other takes of the list, and a file."""
         reference = self.reference
         played = reference.takes.played
         others = [take for take in reference.takes.session.takes if played and take.number != played.number]
@@ -71,7 +72,7 @@ class ReferenceCard:
 
     def open(self, path: Path) -> None:
         if path.suffix.lower() in MOTIONS:
-            self.reference.takes.open_reference(path)
+            open_reference(self.reference.takes, path)
         else:
             self.reference.open_video(path)
 
@@ -82,7 +83,7 @@ class ReferenceCard:
         return None if self.reference.reference.over else self.reference.video
 
     def _film_width(self, view: Rect) -> float:
-        """What a film's card covers of the view's left side, in screen units."""
+        """Return what a film's card covers of the view's left side, in screen units."""
         if self._film is None or self.reference.takes.playback is None or view.width < px(MIN_VIEW_PX):
             return 0.0
         least = SMALL_WIDTH_PX if view.width < px(SMALL_VIEW_PX) else WIDTH_PX
@@ -222,7 +223,7 @@ class ReferenceCard:
         imgui.get_background_draw_list().add_image(self._picture(video, playback), low, end, *corners, tint)
 
     def _picture(self, video: Video, playback: Playback) -> Any:
-        """The texture with the picture of the time that is shown."""
+        """Return the texture with the picture of the time that is shown."""
         index = video.index(self.reference.time_s(playback))
         if self._shown is None or self._shown[0] is not video or self._texture.size != video.size:
             if self._texture is not None:

@@ -121,7 +121,7 @@ class Resimulation:
     # --- prompts
 
     def reword(self, index: int, request: Request) -> None:
-        """Other words for a prompt of the take, by its place; empty ones change nothing."""
+        """Change the words of a prompt of the take, by its place; empty ones change nothing."""
         mark = self.tracks and self.tracks.prompts[index]
         if not mark or (isinstance(request, str) and not request.strip()):
             return
@@ -148,7 +148,7 @@ class Resimulation:
             self.reword(index, changed)
 
     def insert_prompt(self, text: str) -> None:
-        """Another prompt from the frame shown to the next prompt."""
+        """Insert a prompt from the frame shown to the next prompt."""
         if self.playback is not None and text.strip():
             frame = self.playback.frame
             self.again(
@@ -171,7 +171,7 @@ class Resimulation:
     # --- spans
 
     def insert_gait(self, gait: Gait) -> None:
-        """Another gait from the frame shown to the end of the gait there."""
+        """Insert a gait from the frame shown to the end of the gait there."""
         playback, tracks = self.playback, self.tracks
         if playback is None or tracks is None:
             return
@@ -312,7 +312,7 @@ def _style_at(inputs: InputRecording, frame: int) -> StyleChange | None:
 
 
 def _answer_of(style: StyleChange) -> Answer | None:
-    """The answer that a style came from; from its six descriptions where nothing else was kept."""
+    """Return the answer that a style came from; from its six descriptions where nothing else was kept."""
     if isinstance(style.note, PromptBlend):
         return style.note.a if style.note.b is None else None
     words = words_of(style.event)

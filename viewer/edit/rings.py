@@ -48,14 +48,7 @@ class Rings:
         rings = [_ring(camera, place, normal, to_eye, n == len(AXES)) for n, normal in enumerate(normals)]
         mouse = np.array([io.mouse_pos.x, io.mouse_pos.y])
         away = [np.linalg.norm(ring - mouse, axis=1) for ring in rings]
-        if self.held < 0:
-            nearest = int(np.argmin([np.nanmin(distances) for distances in away]))
-            near = np.nanmin(away[nearest]) <= GRAB_PX * imgui.get_style().font_scale_dpi
-            self.over = nearest if near and not io.want_capture_mouse else -1
-            if imgui.is_mouse_clicked(0):
-                self.held = self.over
-        elif not imgui.is_mouse_down(0):
-            self.held = -1
+        self._hold(away)
         self._draw(rings)
         if self.held < 0 or not (io.mouse_delta.x or io.mouse_delta.y):
             return None
@@ -67,6 +60,17 @@ class Rings:
         )
         return rotations.from_axis_angle(normals[self.held], np.array(angle))
 
+    def _hold(self, away: list[Array]) -> None:
+        """Take the ring nearest to the mouse, whose points are `away` (n,) from it, or let go."""
+        if self.held < 0:
+            nearest = int(np.argmin([np.nanmin(distances) for distances in away]))
+            near = np.nanmin(away[nearest]) <= GRAB_PX * imgui.get_style().font_scale_dpi
+            self.over = nearest if near and not imgui.get_io().want_capture_mouse else -1
+            if imgui.is_mouse_clicked(0):
+                self.held = self.over
+        elif not imgui.is_mouse_down(0):
+            self.held = -1
+
     def _draw(self, rings: list[Array]) -> None:
         drawing, lit = imgui.get_background_draw_list(), max(self.held, self.over)
         for number, (ring, tint) in enumerate(zip(rings, TINTS, strict=True)):
@@ -77,7 +81,7 @@ class Rings:
 
 
 def _ring(camera: Camera, place: Array, normal: Array, to_eye: Array, outer: bool) -> Array:
-    """Where the points of a ring show (n, 2), in screen units; NaN for those behind the joint."""
+    """Return where the points of a ring show (n, 2), in screen units; NaN for those behind the joint."""
     size, view = imgui.get_io().display_size, camera.view_matrix().astype(float)
     depth = -(view @ np.array([*place, 1.0]))[2]
     metres = (

@@ -11,7 +11,6 @@ from runtime.takes.input_edits import Edit
 from runtime.takes.input_recording import InputRecording
 from viewer.edit.items import Item, ItemKind, Items, Key
 from viewer.edit.resimulation import Resimulation
-from viewer.editor import Change
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 
@@ -37,7 +36,7 @@ class Selection:
         return LIVE if self.editing.take is None else self.editing.take.number
 
     def all(self, kinds: Iterable[str]) -> list[Item]:
-        """The items of some kinds."""
+        """Return the items of some kinds."""
         return [item for kind in kinds for item in self.kinds[kind].items()]
 
     @property
@@ -78,7 +77,7 @@ class Selection:
         self.pick(self.all({key[0] for key in self.keys} or tracks))
 
     def let_go(self) -> bool:
-        """Select nothing; whether anything was."""
+        """Select nothing; return whether anything was."""
         was, self.keys = bool(self.keys), frozenset()
         return was
 
@@ -127,7 +126,7 @@ class Selection:
             self.editing.takes.messages.note("There is no room for that in the take.")
 
     def moved(self, items: Items, by: int) -> list[Item]:
-        """The items so many frames later, all of them within the take; what ends with it keeps that end."""
+        """Return the items so many frames later, all of them within the take; what ends with it keeps that end."""
         end = self._end
 
         def at_end(item: Item) -> bool:
@@ -149,7 +148,7 @@ class Selection:
         return 0 if self.editing.playback is None else self.editing.playback.frames
 
     def resized(self, item: Item, by: int, start: bool) -> Item:
-        """The item with one end so many frames later."""
+        """Return the item with one end so many frames later."""
         end = self._end
         if start:
             return item.at(min(max(item.start + by, 0), item.end - 1), item.end)
@@ -163,57 +162,46 @@ class Selection:
             self.replace("move", items, listed if self.listed else self.moved(items, by))
 
     def replace(self, label: str, gone: Items, put: Items, held: bool = False) -> None:
-        """One step that takes items away and puts others, which are selected then.
+        """Take items away and put others, which are selected then, as one step of undo.
 
         `held`: while the mouse moves them; what would be resimulated is shown as a preview until the mouse lets go.
         """
         if list(gone) == list(put) and not held:
             self.preview = None
             return
-        kinds, messages = self._kinds_of((*gone, *put)), self.editing.takes.messages
+        editor, messages = self.editing.takes.editor, self.editing.takes.messages
+        kinds = self._kinds_of((*gone, *put))
         driven, listed = [kind for kind in kinds if kind.edit is not None], all(kind.listed for kind in kinds)
         refusal = self._refusal(bool(driven), listed)
         if refusal:
             messages.warn(refusal)
             return
         try:
-            after, now = self._changed(self.editing.takes.editor.history.present.session, kinds, gone, put)
+            after, now = self._changed(editor.history.present.session, kinds, gone, put)
         except SportError as error:
             messages.error(error)
             return
         self.preview = (self.number, gone, put) if driven else None
         self.keys = frozenset(item.key for item in now)
-        what = f"{label} of {self.named(gone or put)}"
-        if driven and not held:
-            self.editing.takes.editor.drop_drag()
-            self._resimulate(what, driven, gone, put, lambda _: after)
-        else:
-            self._show(what, listed, lambda _: after, held)
+        self._make(f"{label} of {self.named(gone or put)}", driven, listed, gone, put, after, held)
 
     def _refusal(self, driven: bool, listed: bool) -> str:
-        """Why an edit cannot be made now; "" where it can."""
+        """Return why an edit cannot be made now; "" where it can."""
         return self.editing.fixed if driven or (self.editing.busy and not listed) else ""
 
-    def _show(self, what: str, listed: bool, change: Change, held: bool) -> None:
-        """Make a change at once: a step of undo unless the mouse holds it."""
-        editor, take = self.editing.takes.editor, self.editing.take
-        editor.drag(what if take is None or listed else f"{what} of {take.title}", change)
-        if not held:
-            editor.finish_drag()
-
     def _kinds_of(self, items: Items) -> list[ItemKind]:
-        """The kinds of items, in the order of the tracks."""
+        """Return the kinds of items, in the order of the tracks."""
         names = {item.kind for item in items}
         return [kind for name, kind in self.kinds.items() if name in names]
 
     def _own(self, kind: ItemKind, *parts: Items) -> list[list[Item]]:
-        """The items of one kind."""
+        """Return the items of one kind."""
         return [[item for item in items if self.kinds[item.kind] is kind] for items in parts]
 
     def _changed(
         self, session: Session, kinds: Sequence[ItemKind], gone: Items, put: Items
     ) -> tuple[Session, list[Item]]:
-        """The session after what is made at once, and what was put."""
+        """Return the session after what is made at once, and what was put."""
         now = [item for item in put if self.kinds[item.kind].edit is not None]
         for kind in kinds:
             if kind.change is not None:
@@ -221,28 +209,37 @@ class Selection:
                 now += made
         return session, now
 
-    def _resimulate(
+    def _make(
         self,
-        label: str,
-        kinds: Sequence[ItemKind],
+        what: str,
+        driven: Sequence[ItemKind],
+        listed: bool,
         gone: Items,
         put: Items,
-        also: Change,
+        after: Session,
+        held: bool,
     ) -> None:
-        """Make the edits of what drove the take, one kind after the other, and resimulate it once."""
+        """Put `after` into force: a step of undo unless the mouse holds it; what is `driven` is resimulated once."""
+        editor, take = self.editing.takes.editor, self.editing.take
 
         def edit(inputs: InputRecording) -> Edit:
             made = Edit(inputs, len(inputs))
-            for kind in kinds:
-                if kind.edit is not None:
-                    now = kind.edit(made.inputs, *self._own(kind, gone, put))
-                    made = Edit(now.inputs, min(made.first, now.first))
+            for kind in driven:
+                assert kind.edit is not None
+                now = kind.edit(made.inputs, *self._own(kind, gone, put))
+                made = Edit(now.inputs, min(made.first, now.first))
             return made
 
-        self.editing.again(label, edit, also)
+        if driven and not held:
+            editor.drop_drag()
+            self.editing.again(what, edit, lambda _: after)
+            return
+        editor.drag(what if take is None or listed else f"{what} of {take.title}", lambda _: after)
+        if not held:
+            editor.finish_drag()
 
     def named(self, items: Items) -> str:
-        """Items in words: one by its kind, several by their number."""
+        """Return the items in words: one by its kind, several by their number."""
         kinds = {self.kinds[item.kind].name for item in items}
         name = kinds.pop() if len(kinds) == 1 else "item"
         article = "an" if name[0] in "aeiou" else "a"
@@ -268,7 +265,7 @@ class Selection:
                 self.nudge(frames)
 
     def menu(self) -> None:
-        """The entries of a right click."""
+        """Draw the entries of a right click."""
         some, ways = bool(self.keys), ("up", "down") if self.listed else ("back", "on")
         for text, keys, act, enabled in (
             ("Cut", "Ctrl+X", self.cut, some), ("Copy", "Ctrl+C", self.copy, some),

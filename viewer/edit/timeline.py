@@ -100,7 +100,7 @@ class Timeline:
         self._of = playback.number, now
 
     def draw(self, tracks: Sequence[Track], playback: Playback, selection: tuple[int, int]) -> None:
-        """The tracks, one below the other, as tall as there is room; in less height than they need they scroll.
+        """Draw the tracks, one below the other, as tall as there is room; in less height than they need they scroll.
 
         A button shows the frames of the `selection`.
         """
@@ -287,7 +287,7 @@ class Timeline:
             self.held = Held(track.key, mark, part, frame, items, self._snaps(playback))
 
     def _snaps(self, playback: Playback) -> tuple[int, ...]:
-        """Frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""
+        """Return the frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""
         rows = self._kept["tracks"][1].rows if self._kept else []
         marks = [mark for row in rows for mark in row.track.marks]
         free = [m for m in marks if m.item is None or m.item.key not in self.selection.keys]
@@ -358,7 +358,7 @@ class Timeline:
             playback.seek(mark.start if mark.start == mark.end else frame)
 
     def _inside(self, corner: tuple[float, float], mouse: imgui.ImVec2) -> list[Item]:
-        """The items that a box touches."""
+        """Return the items that a box touches."""
         (left, right), (top, bottom) = sorted((corner[0], mouse.x)), sorted((corner[1], mouse.y))
         return [
             mark.item
@@ -398,7 +398,7 @@ class Timeline:
 
 
 def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], float]:
-    """The tracks for which there is room, and how much taller than they need they are drawn.
+    """Return the tracks for which there is room, and how much taller than they need they are drawn.
 
     That does not depend on how many there are: no track moves when another one appears.
     """

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 
 from runtime.takes.input_edits import laid
-from viewer.edit.items import Items, Mark
+from viewer.edit.items import Item, Items, Mark
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import Color
@@ -42,7 +42,7 @@ class Range:
         return self.first <= frame <= self.last
 
     def fitted(self, first: float, last: float) -> Range:
-        """These frames, or as many that lie within the take."""
+        """Return these frames, or as many that lie within the take."""
         frames = min(max(last - first, MIN_SHOWN_FRAMES), self.end)
         first = min(max(first, 0.0), self.end - frames)
         return replace(self, first=first, last=first + frames)
@@ -103,7 +103,7 @@ class Row:
         return self.left + self.width
 
     def ends(self, mark: Mark) -> tuple[float, float]:
-        """Screen positions of a mark's ends, which may lie outside the row; a span among neighbours has a least width."""
+        """Return the screen positions of a mark's ends, which may lie outside the row; a span among neighbours has a least width."""
         left, right = self.x(mark.start), self.x(min(mark.end, self.shown.end))
         more = (px(MIN_SPAN_PX) - (right - left)) / 2 if self.track.adjacent else 0.0
         return left - max(more, 0.0), right + max(more, 0.0)
@@ -112,7 +112,7 @@ class Row:
         return self.left + (frame - self.shown.first) / max(self.shown.frames, 1.0) * self.width
 
     def frame_at(self, x: float) -> int:
-        """The frame under a screen position, of those that are shown."""
+        """Return the frame under a screen position, of those that are shown."""
         along = min(max((x - self.left) / max(self.width, 1.0), 0.0), 1.0)
         return round(self.shown.first + along * self.shown.frames)
 
@@ -179,7 +179,7 @@ def draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool, chos
 
 
 def base_of(row: Row) -> float:
-    """Where the numbers of the ruler end."""
+    """Return where the numbers of the ruler end."""
     return row.top + row.height * 0.62
 
 
@@ -192,7 +192,7 @@ def dim(shapes: Shapes, row: Row, kept: tuple[int, int]) -> None:
 
 
 def draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
-    """Numbers from the frame `zero` on, and what the trim keeps."""
+    """Draw numbers from the frame `zero` on, and what the trim keeps."""
     base, bottom, shown = base_of(row), row.top + row.height, row.shown
     first, last = (mark.start for mark in row.track.marks)
     within = lambda x: min(max(x, row.left), row.right)  # noqa: E731
@@ -215,17 +215,21 @@ def draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
 
 
 def previewed(track: Track, gone: Items, put: Items) -> Sequence[Mark]:
-    """The marks of an adjacent track as they would lie after an edit."""
+    """Return the marks of an adjacent track as they would lie after an edit."""
     marks, keys = track.marks, {item.key for item in gone}
     places = [i for i, mark in enumerate(marks) if mark.item is not None and mark.item.key in keys]
     put = [item for item in put if item.kind == track.key]
-    by_value = {id(mark.item.value): mark for mark in marks if mark.item is not None}
-    of = [*marks, *(by_value.get(id(item.value), marks[0]) for item in put)]
+    of = [*marks, *(_mark_of(marks, item) for item in put)]
     return [replace(of[b.of], start=b.start, end=b.end) for b in laid(marks, places, put)]
 
 
+def _mark_of(marks: Sequence[Mark], item: Item) -> Mark:
+    """Return the mark that an item was made from, at whatever frames; else the first one."""
+    return next((m for m in marks if m.item is not None and m.item.value is item.value), marks[0])
+
+
 def hit_in(row: Row, mouse: imgui.ImVec2) -> tuple[Mark, Part] | None:
-    """Which mark is under the mouse, and which part of it."""
+    """Return which mark is under the mouse, and which part of it."""
     track, marks, x = row.track, row.track.marks, mouse.x
     if not marks or (track.key == "timeline" and mouse.y < row.top + 0.5 * row.height):
         return None
@@ -238,14 +242,14 @@ def hit_in(row: Row, mouse: imgui.ImVec2) -> tuple[Mark, Part] | None:
 
 
 def _covers(row: Row, mark: Mark, x: float) -> bool:
-    """Whether the mouse takes a mark there: a point from some way off, a span at a little outside its ends."""
+    """Return whether the mouse takes a mark there: a point from some way off, a span at a little outside its ends."""
     left, right = row.ends(mark)
     slack = 0.0 if row.track.adjacent else px(GRIP_PX) if mark.start == mark.end else px(GRIP_PX) / 2
     return left - slack <= x <= right + slack
 
 
 def _part(row: Row, mark: Mark, x: float) -> Part:
-    """Which part of a mark; the first and the last of adjacent ones end with the take."""
+    """Return which part of a mark; the first and the last of adjacent ones end with the take."""
     (left, right), marks, adjacent = row.ends(mark), row.track.marks, row.track.adjacent
     if mark.start == mark.end:
         return Part.BODY

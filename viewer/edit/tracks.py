@@ -33,7 +33,7 @@ class Tracks:
 
 
 def tracks_of(clip: Clip, inputs: InputRecording | None) -> Tracks:
-    """The tracks of a clip; without inputs, what its file says."""
+    """Return the tracks of a clip; without inputs, what its file says."""
     spans = _read_spans(clip) if inputs is None else prompt_spans(inputs)
     gaits = () if clip.gaits is None else [s for s in gait_spans(clip.gaits) if s.gait >= 0]
     return Tracks(
@@ -51,12 +51,12 @@ def tracks_of(clip: Clip, inputs: InputRecording | None) -> Tracks:
 
 
 def mark_at(marks: Sequence[Mark], frame: int) -> int:
-    """Which mark holds in a frame; -1 for none."""
+    """Return which mark holds in a frame; -1 for none."""
     return next((i for i, mark in enumerate(marks) if mark.start <= frame < mark.end), -1)
 
 
 def words_of(event: PromptEvent) -> PartDescriptions | None:
-    """The six descriptions that a prompt meant; None for a blend, or where they are not known."""
+    """Return the six descriptions that a prompt meant; None for a blend, or where they are not known."""
     words = _words(event)
     return words if isinstance(words, PartDescriptions) else None
 
@@ -79,7 +79,7 @@ def _read_spans(clip: Clip) -> list[PromptSpan]:
 
 
 def _part(spans: list[PromptSpan], part: str) -> tuple[Mark, ...]:
-    """Marks of one part's descriptions; neighbours with the same text are one."""
+    """Return the marks of one part's descriptions; neighbours with the same text are one."""
     marks: list[Mark] = []
     for span in spans:
         words = _words(span.event)
@@ -104,7 +104,7 @@ def _short(spec: str) -> str:
 
 
 def lanes(pins: Sequence[Pin]) -> list[list[int]]:
-    """Pins by their places, such that those of a lane do not overlap."""
+    """Return the pins by their places, such that those of a lane do not overlap."""
     found: list[list[int]] = []
     for i in sorted(range(len(pins)), key=lambda i: pins[i].start):
         lane = next((lane for lane in found if pins[lane[-1]].end <= pins[i].start), None)

@@ -138,7 +138,7 @@ def _marks(items: Sequence[Item]) -> list[Mark]:
 
 
 def _text(value: Any) -> str:
-    """What is written on the mark of a pin."""
+    """Return what is written on the mark of a pin."""
     if not isinstance(value, Pin):
         return ""
     return f"{value.what}{' on a rail' if value.rail else ' along' if value.along else ''}".capitalize()
@@ -189,10 +189,7 @@ class Tool:
 def _draw_tools(tools: Sequence[Tool], room: float) -> None:
     """The tools in one line; those for which there is no room are in a menu at its end."""
     gap, more = px(GAP_PX), Tool("…", "More tools", 0)
-    shown = list(tools)
-    while shown and sum(t.width + gap for t in shown) + (more.width + gap) * (len(shown) < len(tools)) > room:
-        last = max(tool.folds for tool in shown)
-        shown.remove(next(tool for tool in reversed(shown) if tool.folds == last))
+    shown = _fitting(tools, room, gap, more.width)
     for number, tool in enumerate(shown):
         if number:
             imgui.same_line(0, gap)
@@ -206,6 +203,15 @@ def _draw_tools(tools: Sequence[Tool], room: float) -> None:
     if folded:
         imgui.same_line(0, gap if shown else 0.0)
         replace(more, menu=menu).draw()
+
+
+def _fitting(tools: Sequence[Tool], room: float, gap: float, more: float) -> list[Tool]:
+    """Return the tools for which there is room, where the others need a button of the width `more`."""
+    shown = list(tools)
+    while shown and sum(t.width + gap for t in shown) + (more + gap) * (len(shown) < len(tools)) > room:
+        last = max(tool.folds for tool in shown)
+        shown.remove(next(tool for tool in reversed(shown) if tool.folds == last))
+    return shown
 
 
 @dataclass
@@ -233,7 +239,7 @@ class Transport:
         self._tracks = TakeTracks(self.editing, self.pins, self.selection)
 
     def panel(self, references: ReferenceCard) -> Panel:
-        """The bar; Escape in the view lets go of what is selected, then leaves the take."""
+        """Return the bar; Escape in the view lets go of what is selected, then leaves the take."""
 
         def close() -> bool:
             if self.selection.let_go():
@@ -268,13 +274,13 @@ class Transport:
             (self.posing.set_key if self.posing.shown else self.cameras.add)()
 
     def _step(self, frames: int) -> None:
-        """One frame on or back, unless the arrow key moves what is selected."""
+        """Go some frames on or back, unless the arrow key moves what is selected."""
         arrow = imgui.is_key_down(imgui.Key.left_arrow) or imgui.is_key_down(imgui.Key.right_arrow)
         if self.editing.playback is not None and not (arrow and self.selection.keys):
             self.editing.playback.step(frames)
 
     def _follow_pin(self) -> None:
-        """The card shows the pin that is selected alone, and a pin that is chosen in the view is what is selected."""
+        """Show the card of the pin that is selected alone, and select a pin that is chosen in the view."""
         selection, pins = self.selection, self.pins
         selection.poll()
         if self.editing.playback is None:
@@ -299,14 +305,14 @@ class Transport:
         self.timeline.draw(self._tracks.rows(tracks, playback), playback, self._selection(playback))
 
     def _selection(self, playback: Playback) -> tuple[int, int]:
-        """The frames of what is selected, or those that the trim keeps."""
+        """Return the frames of what is selected, or those that the trim keeps."""
         items = [] if self.selection.listed else self.selection.items
         if not items:
             return playback.first, playback.last
         return min(item.start for item in items), max(item.end for item in items)
 
     def shown_frames(self, number: int) -> tuple[int, int] | None:
-        """First and last frame that the timeline shows of a take; None when it shows another one."""
+        """Return the first and last frame that the timeline shows of a take; None when it shows another one."""
         playback, shown = self.editing.playback, self.timeline.shown
         if playback is None or playback.number != number:
             return None

@@ -38,11 +38,11 @@ class Video:
     cut: bool = False  # there is more of it
 
     def index(self, time_s: float) -> int:
-        """The picture of a time; the first and the last one stay."""
+        """Return the picture of a time; the first and the last one stay."""
         return max(bisect.bisect_right(self.times, time_s + 1e-6) - 1, 0)
 
     def picture(self, index: int) -> NDArray[np.uint8]:
-        """Picture `(H, W, 3)`, sRGB, top row first."""
+        """Return a picture `(H, W, 3)`, sRGB, top row first."""
         from PIL import Image
 
         with Image.open(io.BytesIO(self.pictures[index])) as image:
@@ -85,7 +85,7 @@ def _read_pictures(path: Path, made: list[tuple[float, bytes, tuple[int, int]]])
 
 
 def _small(image: Any) -> tuple[bytes, tuple[int, int]]:
-    """A picture as JPEG, no side longer than `MAX_SIDE`, and its size."""
+    """Return a picture as JPEG, no side longer than `MAX_SIDE`, and its size."""
     image.thumbnail((MAX_SIDE, MAX_SIDE))
     file = io.BytesIO()
     image.convert("RGB").save(file, "JPEG", quality=JPEG_QUALITY)

@@ -26,7 +26,7 @@ class ViewOverlays:
     trails: Trails = field(default_factory=Trails)
 
     def of(self, live: Controller | None, others: list[Pose]) -> Overlays:
-        """The overlays of one frame; `others` are drawn with the pose, the trajectory only of a `live` character."""
+        """Return the overlays of one frame; `others` are drawn with the pose, the trajectory only of a `live` character."""
         settings, playback = self.takes.settings, self.takes.playback
         frames, trails = self._other_times(playback, others)
         figure, over = self._reference(playback, others)
@@ -47,7 +47,7 @@ class ViewOverlays:
     def _other_times(
         self, playback: Playback | None, others: list[Pose]
     ) -> tuple[list[Pose], TrailOverlay | None]:
-        """Ghosts and trails of the take that plays, or of the last seconds of the live character alone."""
+        """Return ghosts and trails of the take that plays, or of the last seconds of the live character alone."""
         settings, around = self.takes.settings, playback
         if around is None and (settings.show_ghosts or settings.show_trails) and not others:
             around = self.takes.memory(MEMORY_S)
@@ -57,7 +57,7 @@ class ViewOverlays:
         return frames, self.trails.around(around) if settings.show_trails else None
 
     def _reference(self, playback: Playback | None, others: list[Pose]) -> tuple[Figure | None, list[Pose]]:
-        """What the take that plays is compared with: a figure of its own, a ghost over it, or one of the `others`."""
+        """Return what the take that plays is compared with: a figure of its own, a ghost over it, or one of the `others`."""
         references = self.references
         pose = None if playback is None else references.pose(playback)
         if playback is None or pose is None:

@@ -43,13 +43,13 @@ class BvhExport:
             self._propose()
 
     def saved(self, take: Take) -> Path | None:
-        """The BVH of this run that holds what the take keeps; None where there is none any more."""
+        """Return the BVH of this run that holds what the take keeps; None where there is none any more."""
         content = _content(take)
         found = (path for path, (_, held) in reversed(self._files.items()) if held == content)
         return next((path for path in found if path.is_file()), None)
 
     def exported(self, take: Take) -> Path | None:
-        """The file of this run that was written last of the take, whatever it holds."""
+        """Return the file of this run that was written last of the take, whatever it holds."""
         return next((path for path, (by, _) in reversed(self._files.items()) if by == take.number), None)
 
     def _propose(self) -> None:
@@ -97,7 +97,7 @@ class BvhExport:
             self._propose()
 
     def note_file(self, path: Path, number: int, held: Take | None) -> None:
-        """A file was written of a take, and holds it as `held`; None for another form."""
+        """Remember that a file was written of a take, and holds it as `held`; None for another form."""
         self._files.pop(path, None)
         self._files[path] = number, None if held is None else _content(held)
 
@@ -124,12 +124,12 @@ class BvhExport:
 
 
 def _content(take: Take) -> tuple[object, ...]:
-    """What a file of a take holds: equal for takes whose files would be."""
+    """Return what a file of a take holds: equal for takes whose files would be."""
     return take.motion, take.mirrored, take.poses, take.range
 
 
 def export_target(text: str, suffix: str = ".bvh") -> Path:
-    """The path that was typed, with an ending; UsageError when it names no file."""
+    """Return the path that was typed, with an ending; UsageError when it names no file."""
     text = text.strip().strip('"')
     if not text or "\0" in text:
         raise UsageError("Export: the path is empty.", f"Write a path such as ~/sport-clips/walk{suffix}.")
@@ -140,7 +140,7 @@ def export_target(text: str, suffix: str = ".bvh") -> Path:
 
 
 def file_stem(name: str) -> str:
-    """A file name for a take's name, in any script: lower case, words joined by dashes."""
+    """Return a file name for a take's name, in any script: lower case, words joined by dashes."""
     stem = re.sub(r"[\W_]+", "-", unicodedata.normalize("NFC", name).lower()).strip("-")
     return stem.encode()[:MAX_STEM_BYTES].decode(errors="ignore").strip("-") or "clip"
 

@@ -89,13 +89,17 @@ def _lists_and_sliders(exporting: Exporting) -> None:
         exporting.choose(**{name: _list(exporting, name, f"##export {name}")})
     for name, least, text in SLIDERS:
         if exporting.form.has(name):
-            spec, value = spec_of(exporting.form, name), getattr(exporting.form, name)
-            widgets.row(spec.label, spec.hint)
-            moved, value = widgets.slider(
-                f"##export {name}", value, spec.low, spec.high, text if value else "default"
-            )
-            if moved:
-                exporting.choose(**{name: value if value >= least else 0.0})
+            _slider(exporting, name, least, text)
+
+
+def _slider(exporting: Exporting, name: str, least: float, text: str) -> None:
+    """Draw a row with the value of an option; one below `least` is its default, 0."""
+    spec, value = spec_of(exporting.form, name), getattr(exporting.form, name)
+    widgets.row(spec.label, spec.hint)
+    shown = text if value else "default"
+    moved, value = widgets.slider(f"##export {name}", value, spec.low, spec.high, shown)
+    if moved:
+        exporting.choose(**{name: value if value >= least else 0.0})
 
 
 def _toggles(exporting: Exporting) -> None:

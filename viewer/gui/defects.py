@@ -86,7 +86,7 @@ class Defects:
         self.shown = self.shown or Defect(doing, text, path if written else None)
 
     def dismiss(self) -> bool:
-        """The report was read; whether there was one."""
+        """Put the report away that was read; return whether there was one."""
         was, self.shown = self.shown is not None, None
         return was
 
@@ -96,7 +96,7 @@ def _in_frame() -> bool:
 
 
 def safe_panel(panel: Panel, defects: Defects) -> Panel:
-    """The panel with all that it does guarded: a defect closes it.
+    """Return the panel with all that it does guarded: a defect closes it.
 
     A panel in a column offers to open it again, any other comes back once the report was read.
     """
@@ -141,7 +141,7 @@ def safe_panel(panel: Panel, defects: Defects) -> Panel:
 
 
 def report(doing: str, error: Exception, device: str) -> str:
-    """The text of a report: time, versions and traceback."""
+    """Return the text of a report: time, versions and traceback."""
     versions = []
     for name in PACKAGES:
         with suppress(PackageNotFoundError):

@@ -52,7 +52,7 @@ class PendingDialog:
         return path if path.is_dir() else path.parent
 
     def entries(self) -> list[Path]:
-        """Folders, then files with an ending of the filters, of the folder that is shown."""
+        """Return folders, then files with an ending of the filters, of the folder that is shown."""
         folder = self.folder
         if self.listed[0] != folder:
             endings = [pattern for patterns in self.filters[1::2] for pattern in patterns.split()]
@@ -77,7 +77,7 @@ class PendingDialog:
 
 
 def _entries(folder: Path, patterns: Sequence[str]) -> list[Path]:
-    """The folders in a folder, then the files whose name fits a pattern; hidden ones are left out."""
+    """Return the folders in a folder, then the files whose name fits a pattern; hidden ones are left out."""
     try:
         found = sorted((p for p in folder.iterdir() if p.name[:1] != "."), key=lambda p: p.name.casefold())
     except OSError:  # a folder that cannot be read shows nothing

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -180,6 +180,16 @@ def button(
         clicked = bool(imgui.button(text, imgui.ImVec2(width, 0)))
     tooltip(hint)
     return clicked
+
+
+def buttons(*items: tuple[str, str, Callable[[], object] | None], primary: int = -1) -> None:
+    """Draw buttons side by side by text, hint and action; one without an action is disabled."""
+    width = column_width(len(items))
+    for number, (text, hint, act) in enumerate(items):
+        if number:
+            same_line()
+        if button(text, width, hint, number == primary, act) and act is not None:
+            act()
 
 
 def item(text: str, hint: str = "", chosen: bool = False, enabled: object = True) -> bool:

@@ -117,11 +117,16 @@ class GlfwGamepads:
         except FileError as error:
             return f"{error.problem} The built-in gamepad mappings are used."
         said = [line for line in lines if line.strip() and not line.startswith("#")]
-        good = [line for line in said if line.count(",") >= 2 and "\0" not in line]  # glfw takes garbage too
+        good = list(filter(_is_mapping, said))
         if good:
             self.glfw.update_gamepad_mappings("\n".join(good) + "\n")
         bad = len(said) - len(good)
         return f"{path}: {bad} lines are no SDL gamepad mapping and were left out." if bad else ""
+
+
+def _is_mapping(line: str) -> bool:
+    """Return whether a line looks like an SDL mapping: glfw takes garbage too."""
+    return line.count(",") >= 2 and "\0" not in line
 
 
 def _axis(number: int, value: float, trigger: bool, live: set[int]) -> float:

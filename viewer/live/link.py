@@ -164,7 +164,8 @@ class LiveLink:
         if self._socket is None:
             return
         if size != self._size:
-            self._joints, self._size = skeleton_joints(scaled(SPORT_SKELETON, size)), size
+            larger = replace(SPORT_SKELETON, offsets=SPORT_SKELETON.offsets * np.float32(size))
+            self._joints, self._size = skeleton_joints(larger), size
             self._announced_s = -math.inf
         now, number = self.clock(), skeleton_number(self._joints)
         if now - self._announced_s >= ANNOUNCE_S:
@@ -193,8 +194,3 @@ class LiveLink:
             self.messages.error(f"{self.name} to {self.address} ended: {error.strerror or error}.")
             return False
         return True
-
-
-def scaled(skeleton: Skeleton, size: float) -> Skeleton:
-    """Return a skeleton `size` times as large."""
-    return replace(skeleton, offsets=skeleton.offsets * np.float32(size))

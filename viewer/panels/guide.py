@@ -84,7 +84,7 @@ class Guide:
 
 
 def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
-    """The card; not shown while it would be `covered`, or cover."""
+    """Return the card; not shown while it would be `covered`, or cover."""
 
     def draw(view: Rect) -> None:
         if view.height >= px(MIN_VIEW_HEIGHT_PX) and view.width >= px(WIDTH_PX + 4 * panels.CARD_MARGIN_PX):

@@ -103,7 +103,7 @@ def _mapped_joint(state: JointMapping, guess: JointGuess, joint: int) -> None:
 
 @cache
 def _depth(joint: int) -> int:
-    """How many joints are above one of the project's."""
+    """Return how many joints are above one of the project's."""
     parent = SPORT_SKELETON.parents[joint]
     return 0 if parent < 0 else 1 + _depth(parent)
 
@@ -128,18 +128,17 @@ def _end(state: JointMapping) -> None:
     if state.problem:
         with widgets.color(imgui.Col_.text, theme.ERROR):
             imgui.text_wrapped(printable(state.problem))
-    half = widgets.column_width(2)
-    hint = "Discard all choices made by hand"
-    if widgets.button("As guessed##guess all", half, hint, enabled=state.chosen):
-        state.guess_all()
-    widgets.same_line()
+    guess_all, apply = state.guess_all if state.chosen else None, None if state.missing else state.apply
     hint = "Saved next to the file, and used whenever it is opened"
-    if widgets.button(f"{ICON.check} Apply##apply joints", half, hint, True, not state.missing):
-        state.apply()
+    widgets.buttons(
+        ("As guessed##guess all", "Discard all choices made by hand", guess_all),
+        (f"{ICON.check} Apply##apply joints", hint, apply),
+        primary=1,
+    )
 
 
 def _ordered(guess: JointGuess) -> list[tuple[int, int]]:
-    """Joints of the file in the order of their tree, children under their parents, with their depth."""
+    """Return the joints of the file in the order of their tree, children under their parents, with their depth."""
     tree, found = JointTree(guess.parents, guess.positions), []
     waiting = [(k, 0) for k in reversed(range(len(guess.parents))) if guess.parents[k] < 0]
     while waiting:

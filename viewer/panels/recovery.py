@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
@@ -20,7 +20,7 @@ WIDTH_PX, REPORT_HEIGHT_PX = 560.0, 220.0  # pixels at scale 1
 
 
 def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Panel:
-    """The window that says what a defect has cost."""
+    """Return the window that says what a defect has cost."""
 
     def draw(_: Rect) -> None:
         defect = defects.shown
@@ -37,15 +37,14 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
         widgets.label(f"Report: {where}")
         room = imgui.ImVec2(-1, px(REPORT_HEIGHT_PX))
         imgui.input_text_multiline("##report", defect.report, room, imgui.InputTextFlags_.read_only)
-        third = widgets.column_width(3)
-        if widgets.button("Copy the report", third, "To send it to those who make the program"):
-            imgui.set_clipboard_text(defect.report)
-        widgets.same_line()
-        if widgets.button("Show in folder##report", third, enabled=defect.path) and defect.path is not None:
-            messages.show_in_folder(defect.path)
-        widgets.same_line()
-        if widgets.button("Continue##defect", third, primary=True):
-            defects.dismiss()
+        copy = partial(imgui.set_clipboard_text, defect.report)
+        show = None if defect.path is None else partial(messages.show_in_folder, defect.path)
+        widgets.buttons(
+            ("Copy the report", "To send it to those who make the program", copy),
+            ("Show in folder##report", "", show),
+            ("Continue##defect", "", defects.dismiss),
+            primary=2,
+        )
 
     return Panel(
         "Defect", PanelPlace.WINDOW, draw, ICON.error, lambda: defects.shown is not None, WIDTH_PX,
@@ -65,7 +64,7 @@ class CutOffWindow:
         self.left = self.sessions.find_cut_off()
 
     def close(self) -> bool:
-        """Leave it for later; whether it was open."""
+        """Leave it for later; return whether it was open."""
         was, self.left = self.left is not None, None
         return was
 
@@ -83,18 +82,21 @@ class CutOffWindow:
         imgui.text_wrapped("The last run ended without being closed. Its work is kept:")
         with widgets.color(imgui.Col_.text, theme.ACCENT):
             imgui.text_wrapped(printable(describe(left)))
-        choices: tuple[tuple[str, str, Callable[[], None]], ...] = (
-            ("Reopen", "Open it again with all that was recorded", lambda: sessions.open(left.path)),
-            ("Later", "It stays under Takes and in the session's menu", lambda: None),
-            ("Discard", "Remove it for good", lambda: sessions.discard(left)),
-        )
-        third = widgets.column_width(len(choices))
+
+        def reopen() -> None:
+            sessions.open(left.path)
+            self.left = None
+
+        def discard() -> None:
+            sessions.discard(left)
+            self.left = None
+
+        # a file that the user named is not removed from here
         named = sessions.cut_off is None or left.path != sessions.cut_off.path
-        for number, (text, hint, act) in enumerate(choices):
-            if number:
-                widgets.same_line()
-            # a file that the user named is not removed from here
-            enabled = not sessions.jobs.busy(OPENING) and not (named and text == "Discard")
-            if widgets.button(f"{text}##cut off", third, hint, text == "Reopen", enabled):
-                act()
-                self.left = None
+        with widgets.disabled(sessions.jobs.busy(OPENING)):
+            widgets.buttons(
+                ("Reopen##cut off", "Open it again with all that was recorded", reopen),
+                ("Later##cut off", "It stays under Takes and in the session's menu", self.close),
+                ("Discard##cut off", "Remove it for good", None if named else discard),
+                primary=0,
+            )

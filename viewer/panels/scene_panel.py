@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from runtime.assets import character_file
@@ -123,7 +124,7 @@ def _character(scene: Scene) -> None:
         scene.set_look(look)
     if chosen == "mannequin":
         _shape(scene)
-        if scene.shape != BodyShape() and widgets.button("Its own shape", -1):
+        if scene.editor.session.character.shape != BodyShape() and widgets.button("Its own shape", -1):
             scene.set_shape(BodyShape())
     elif not chosen and scene.character_path is not None:
         if widgets.button("Joints…", px(80), "Which joint of this character plays which of ours"):
@@ -135,21 +136,22 @@ def _character(scene: Scene) -> None:
 
 def _unit(scene: Scene) -> None:
     """The unit of lengths in the character's file."""
-    unit, choices = (
-        scene.editor.session.character.unit,
+    character, choices = (
+        scene.editor.session.character,
         spec_of(ExportOptions, "character_unit").choices or {},
     )
     imgui.set_next_item_width(-1)
     options = [(u or "", f"Unit: {text.lower()}") for u, text in choices.items()]
-    chosen = widgets.combo("##character unit", options, unit)
+    chosen = widgets.combo("##character unit", options, character.unit)
     widgets.tooltip("Of lengths in the character's file")
-    if chosen != unit:
-        scene.set_unit(str(chosen))
+    if chosen != character.unit:
+        made = replace(character, unit=str(chosen))
+        scene.editor.do("unit of the character", lambda session: replace(session, character=made))
 
 
 def _shape(scene: Scene) -> None:
     """The mannequin's measures; it is made again when the mouse lets go, and its steps adapt to its size."""
-    shape = scene.shape
+    shape = scene.editor.session.character.shape
     for name, text in _SHAPES.items():
         percent = 100.0 * getattr(shape, name)
         imgui.set_next_item_width(-1)
@@ -162,15 +164,15 @@ def _shape(scene: Scene) -> None:
 
 
 def _views(scene: Scene) -> None:
-    # which has a key; there is no room
+    # "top" has a key; there is no room for a button
     shown = [(name, text) for name, text in VIEWS.items() if name != "top"]
-    width = widgets.column_width(len(shown) + 1)
-    for key, (name, text) in enumerate(shown, 1):
-        if widgets.button(f"{text}##view {name}", width, f"The character from there ({key})"):
-            scene.view(name)
-        widgets.same_line()
-    if widgets.button("Frame##frame", width, "Bring the whole character into the middle (0)"):
-        scene.frame_character()
+    widgets.buttons(
+        *(
+            (f"{text}##view {name}", f"The character from there ({key})", partial(scene.view, name))
+            for key, (name, text) in enumerate(shown, 1)
+        ),
+        ("Frame##frame", "Bring the whole character into the middle (0)", scene.frame_character),
+    )
 
 
 def _toggles(settings: Settings) -> None:
@@ -192,7 +194,7 @@ def _drawing(scene: Scene) -> None:
     top, chosen = imgui.get_cursor_pos(), scene.settings.quality
     widgets.label("Quality")
     imgui.set_next_item_width(wide)
-    shown = QUALITIES.get(chosen or scene.quality, QUALITIES[""])
+    shown = QUALITIES.get(chosen or scene.renderer.quality.name, QUALITIES[""])
     if imgui.begin_combo("##quality", shown):
         for name, text in QUALITIES.items():
             if imgui.selectable(text, name == chosen)[0] and name != chosen:
@@ -224,6 +226,6 @@ def _links(*links: LiveLink) -> None:
 
 
 def _short(spec: str) -> str:
-    """A name as it is, a path by its last part."""
+    """Return a name as it is, a path by its last part."""
     name = spec.replace("\\", "/").rsplit("/", 1)[-1]
     return name if "." in name else name.replace("_", " ").capitalize()

@@ -44,11 +44,11 @@ class SessionBar:
     _pictures: dict[Path, Any] = field(default_factory=dict)  # textures of earlier sessions
 
     def panel(self) -> Panel:
-        """The bar, and the keys with Ctrl."""
+        """Return the bar, and the keys with Ctrl."""
         return Panel("Session", PanelPlace.VIEW, self.draw, keys=self.keys)
 
     def draw(self, view: Rect) -> None:
-        """The bar at the top left of the view, and what opens from it."""
+        """Draw the bar at the top left of the view, and what opens from it."""
         if view.width < px(MIN_VIEW):
             return
         imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN_PX), view.y + px(MARGIN_PX)))
@@ -64,20 +64,16 @@ class SessionBar:
     def keys(self) -> None:
         """Ctrl+S, Ctrl+Shift+S, Ctrl+O, Ctrl+E, and undo and redo wherever no text is typed."""
         sessions = self.sessions
-        if imgui.is_key_chord_pressed(_SAVE_AS):
-            sessions.ask_save()
-        elif imgui.is_key_chord_pressed(_SAVE):
-            sessions.save()
-        elif imgui.is_key_chord_pressed(_OPEN):
-            sessions.ask_open()
-        elif imgui.is_key_chord_pressed(_EXPORT):
-            self.exporting.open()
-        elif not imgui.get_io().want_text_input:
+        for chord, act in (
+            (_SAVE_AS, sessions.ask_save), (_SAVE, sessions.save), (_OPEN, sessions.ask_open),
+            (_EXPORT, self.exporting.open),
+        ):  # fmt: skip
+            if imgui.is_key_chord_pressed(chord):
+                act()
+        if not imgui.get_io().want_text_input:
             undo, redo = pressed_undo()
-            if undo:
-                sessions.editor.undo()
-            elif redo:
-                sessions.editor.redo()
+            if undo or redo:
+                (sessions.editor.undo if undo else sessions.editor.redo)()
 
     def _buttons(self) -> None:
         sessions = self.sessions
@@ -190,7 +186,7 @@ def _items(*items: tuple[str, str, Callable[[], object] | None]) -> None:
 
 
 def _texture(ctx: Any, png: bytes) -> Any:
-    """A texture of a small picture; None for what is none."""
+    """Return a texture of a small picture; None for what is none."""
     from PIL import Image
 
     try:

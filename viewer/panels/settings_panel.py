@@ -68,7 +68,7 @@ class SettingsWindow:
         )
 
     def chosen_model(self) -> Path | None:
-        """The model to begin with: the one chosen in the settings, as long as it is there."""
+        """Return the model to begin with: the one chosen in the settings, as long as it is there."""
         text = self.settings.model_folder
         if not text or model_folder(text).is_dir():
             return model_folder(text) if text else None
@@ -180,11 +180,11 @@ def _named(action: Action) -> str:
 
 @lru_cache(8)
 def choices() -> tuple[tuple[Path, str], ...]:
-    """Folder of every shipped model, and what is said of it."""
+    """Return the folder of every shipped model, and what is said of it."""
     return tuple((folder, f"{name}: {use_of(folder)}") for name, folder in shipped_models().items())
 
 
 def use_of(folder: Path) -> str:
-    """What the licence of a shipped model allows, in a few words; ModelError when its metadata are damaged."""
+    """Return what the licence of a shipped model allows, in a few words; ModelError when its metadata are damaged."""
     licence = str(read_metadata(folder).get("notes", {}).get("licence", ""))
     return FREE if licence.startswith("CC BY 4.0") else BOUND

@@ -20,6 +20,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.jobs import Slot
+from viewer.session.opening import open_file, open_reference
 from viewer.session.sessions import OPENING, Sessions, describe
 from viewer.session.takes import Takes
 from viewer.settings import TAKE_ORDERS, Settings
@@ -46,16 +47,12 @@ class TakesPanel:
     def panel(self) -> Panel:
         takes = self.takes
         return Panel(
-            "Takes",
-            PanelPlace.RIGHT_BOTTOM,
-            lambda _: draw(self),
-            ICON.clips,
-            actions=takes.actions,
+            "Takes", PanelPlace.RIGHT_BOTTOM, lambda _: draw(self), ICON.clips, actions=takes.actions
         )
 
 
 def sign(takes: Takes) -> Panel:
-    """What is said over the view while a take is recorded."""
+    """Return the panel of the sign over the view while a take is recorded."""
 
     def draw_sign(view: Rect) -> None:
         seconds = takes.recorder.take_seconds
@@ -97,13 +94,12 @@ def _cut_off(sessions: Sessions) -> None:
     text = f"Cut off: {printable(describe(left))}"
     imgui.text_unformatted(widgets.elided(text, width - px(26)))
     widgets.tooltip(text)
-    half = (width - px(4)) / 2
     with widgets.disabled(sessions.jobs.busy(OPENING)):
-        if widgets.button("Reopen", half, "Open it again with all that was recorded", True):
-            sessions.open(left.path)
-        widgets.same_line()
-        if widgets.button("Discard", half, "Remove it for good"):
-            sessions.discard(left)
+        widgets.buttons(
+            ("Reopen", "Open it again with all that was recorded", partial(sessions.open, left.path)),
+            ("Discard", "Remove it for good", partial(sessions.discard, left)),
+            primary=0,
+        )
     imgui.separator()
 
 
@@ -266,18 +262,23 @@ def _row_ground(panel: TakesPanel, take: Take, corner: imgui.ImVec2, width: floa
     hovered = imgui.is_item_hovered()
     if hovered:
         _about(panel.bvh, take)
-        if imgui.is_mouse_double_clicked(0):
-            takes.begin_rename(take.number)
-        elif imgui.is_mouse_clicked(imgui.MouseButton_.right):
-            if not picked:
-                _pick(takes, selection, take)
-            imgui.open_popup(MENU)
+        _use_row(takes, selection, take, picked)
     drawing, bottom = imgui.get_window_draw_list(), corner.y + height
     ground = theme.ACCENT_DIM if chosen or picked else theme.FIELD if hovered else theme.CLEAR
     end = imgui.ImVec2(corner.x + width, bottom)
     drawing.add_rect_filled(corner, end, widgets.packed(ground), imgui.get_style().frame_rounding)
     tint = widgets.packed(TINTS[take.color % len(TINTS)])
     drawing.add_rect_filled(corner, imgui.ImVec2(corner.x + px(3), bottom), tint)
+
+
+def _use_row(takes: Takes, selection: Selection, take: Take, picked: bool) -> None:
+    """Rename a take by a double click on its row, or open its menu by a right click."""
+    if imgui.is_mouse_double_clicked(0):
+        takes.begin_rename(take.number)
+    elif imgui.is_mouse_clicked(imgui.MouseButton_.right):
+        if not picked:
+            _pick(takes, selection, take)
+        imgui.open_popup(MENU)
 
 
 def _about(bvh: BvhExport, take: Take) -> None:
@@ -291,7 +292,7 @@ def _about(bvh: BvhExport, take: Take) -> None:
 
 
 def _newly_selected(take: Take) -> bool:
-    """Whether another take was the selected one in the frame before."""
+    """Return whether another take was the selected one in the frame before."""
     storage, key = imgui.get_state_storage(), 1
     known = storage.get_int(key)
     storage.set_int(key, take.number)
@@ -364,7 +365,7 @@ def _animations(takes: Takes, references: ReferenceCard, take: Take) -> None:
     for number, name in enumerate(names):
         if widgets.item(f"{widgets.elided(name, px(220))}##animation {number}"):
             compared = references.reference.take == take
-            (takes.open_reference if compared else takes.open)(path, animation=name)
+            (open_reference if compared else open_file)(takes, path, animation=name)
     imgui.end_menu()
 
 

@@ -40,7 +40,7 @@ def draw_answer(
 
 
 def _missing(controller: PromptController, answer: Answer | None, pending: bool) -> str:
-    """What is said in the place of an answer that is not there; "" for one to be shown."""
+    """Return what is said in the place of an answer that is not there; "" for one to be shown."""
     if not controller.available:
         return f"{ICON.warning} Prompts need a motion model."
     if answer is None:

@@ -57,7 +57,7 @@ class LanguageModel:
         self.apply()
 
     def chosen(self) -> GptSettings | None:
-        """The language model to ask, None for the library alone; what is wrong with its settings is the `problem`."""
+        """Return the language model to ask, None for the library alone; what is wrong with its settings is the `problem`."""
         self.problem = self.controller.language_model = ""
         if self.kind != "gpt":
             return None
@@ -141,7 +141,7 @@ WIDTH_PX = 340.0  # pixels at scale 1
 
 
 def draw(model: LanguageModel, corner: imgui.ImVec2) -> None:
-    """The popup, where it was opened by `imgui.open_popup(POPUP)`; its upper left corner is at `corner`."""
+    """Draw the popup, where it was opened by `imgui.open_popup(POPUP)`; its upper left corner is at `corner`."""
     space = imgui.get_io().display_size
     width = min(px(WIDTH_PX), space.x - px(16))
     left = max(min(corner.x, space.x - width - px(8)), px(8))

@@ -93,7 +93,7 @@ class PromptController:
         return [*(box.text for box in self.boxes), *self.parts.values()]
 
     def applied(self, part: str) -> str:
-        """The words that a part moves by; "" before the first answer."""
+        """Return the words that a part moves by; "" before the first answer."""
         return part_words(self.prompt)[part]
 
     # --- words
@@ -154,7 +154,7 @@ class PromptController:
             self._do("swap of A and B", PromptBlend.turned_round)
 
     def drop_blend(self) -> None:
-        """Back to prompt A alone; parts that are locked with a weight of prompt B keep it."""
+        """Go back to prompt A alone; parts that are locked with a weight of prompt B keep it."""
         self._withdraw(Side.B)
         held = self.prompt.locked_on(Side.B)
         if held and self.prompt.b is not None:
@@ -188,12 +188,12 @@ class PromptController:
         self.jobs.submit(Slot("blend"), lambda: measure(a, b), evened, lambda _: None)
 
     def adopt(self, label: str, change: Change) -> None:
-        """A step after which the character moves by the prompt already: it is in force without a transition."""
+        """Make a step after which the character moves by the prompt already: it is in force without a transition."""
         self.editor.do(label, change)
         self.moves_by(self.prompt)
 
     def moves_by(self, blend: PromptBlend) -> None:
-        """The character moves by a blend already; from there it changes to the prompt in force, if that is another one."""
+        """Take note that the character moves by a blend already; it changes to the prompt in force, if that is another one."""
         self._due_seconds = None
         self._change_style(blend, self.prompt)
 
@@ -302,7 +302,7 @@ class PromptController:
         self._hand_over()
 
     def _take(self, side: Side, question: Question, answer: Answer) -> None:
-        """An answer comes into force: the first is a step of undo, a better one takes its place in every step.
+        """Put an answer into force: the first is a step of undo, a better one takes its place in every step.
 
         The first prompt of all is no step: every step that has none moves by it.
         """
@@ -392,7 +392,7 @@ class PromptController:
             worker.use(expander)
 
     def answer(self, request: Request) -> Answer:
-        """The final answer to a prompt or six descriptions, for a take: waits, on a worker thread."""
+        """Return the final answer to a prompt or six descriptions, for a take: waits, on a worker thread."""
         if self.workers is None:
             raise PromptError("No model is loaded that could read a prompt.", "Wait until it is there.")
         return self.workers[Side.A].answer(request)
@@ -405,7 +405,7 @@ class PromptController:
 
 
 def _with_prompt(change: Callable[[PromptBlend], PromptBlend]) -> Change:
-    """A change of the live character's prompt as one of the session; the same session where it changes nothing."""
+    """Return a change of the live character's prompt as one of the session; the same session where it changes nothing."""
 
     def changed(session: Session) -> Session:
         prompt = change(session.live.prompt)
@@ -415,10 +415,10 @@ def _with_prompt(change: Callable[[PromptBlend], PromptBlend]) -> Change:
 
 
 def part_words(blend: PromptBlend) -> dict[str, str]:
-    """What each part of prompt A does; "" before its first answer."""
+    """Return what each part of prompt A does; "" before its first answer."""
     return dict.fromkeys(PART_NAMES, "") if blend.a is None else dict(blend.a.words.to_mapping())
 
 
 def named(part: str) -> str:
-    """A body part in words."""
+    """Return a body part in words."""
     return part.replace("_", " ")

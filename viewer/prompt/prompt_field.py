@@ -34,7 +34,7 @@ def draw(
     lines: int = 2,
     below: float = 0.0,
 ) -> None:
-    """A side's field; a prompt that is entered or chosen is submitted. An emptied prompt B ends the blend.
+    """Draw a side's field; a prompt that is entered or chosen is submitted. An emptied prompt B ends the blend.
 
     `below` is what the list leaves free under the field, in screen units.
     """
@@ -63,7 +63,7 @@ def draw(
 
 
 def wrapped_text(name: str, text: str, lines: int = 2) -> tuple[bool, str, imgui.ImVec2]:
-    """A field of so many lines as wide as its place: whether Enter was pressed, what stands in it, and its size."""
+    """Draw a field of so many lines; return whether Enter was pressed, its text, and its size."""
     height = imgui.get_text_line_height() * lines + 2 * imgui.get_style().frame_padding.y
     size = imgui.ImVec2(imgui.get_content_region_avail().x, height)
     return *imgui.input_text_multiline(name, text, size, WRAPPED), size
@@ -106,7 +106,7 @@ def undo_buttons(editor: Editor, name: str, gap: float, size: float = 0.0, waits
 
 
 def pressed_undo() -> tuple[bool, bool]:
-    """Whether the keys for undo and for redo went down in this frame."""
+    """Return whether the keys for undo and for redo went down in this frame."""
     redo = any(imgui.is_key_chord_pressed(chord) for chord in _REDO)
     return bool(imgui.is_key_chord_pressed(_UNDO)), redo
 

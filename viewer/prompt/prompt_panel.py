@@ -111,6 +111,9 @@ class PromptPanel:
         imgui.set_cursor_pos_y(top + height)
         if near:
             controller.submit_prompt(near)
+        self._tabs(blend.blended)
+
+    def _tabs(self, blended: bool) -> None:
         if not imgui.begin_tab_bar("prompt tabs"):
             return
         if widgets.tab("Body parts"):
@@ -119,11 +122,10 @@ class PromptPanel:
         if widgets.tab("Ready prompts"):
             self._ready()
             imgui.end_tab_item()
-        blended = " •" if blend.blended else ""
         wanted = imgui.TabItemFlags_.set_selected if self.tab_requested == "blend" else 0
-        if widgets.tab(f"Blend{blended}###blend", wanted):
+        if widgets.tab(f"Blend{' •' if blended else ''}###blend", wanted):
             self.tab_requested = ""
-            _scrolling("blend", lambda: _blend(controller, self.suggester))
+            _scrolling("blend", lambda: _blend(self.controller, self.suggester))
             imgui.end_tab_item()
         imgui.end_tab_bar()
 
@@ -256,7 +258,7 @@ def _lock_button(name: str, locked: bool, hint: str, size: float = 0.0) -> bool:
 
 
 def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
-    """Fraction (0 to 1) of a part's words that a model, by its name, shows on a walk, where that is hardly anything.
+    """Return fraction (0 to 1) of a part's words that a model, by its name, shows on a walk, where that is hardly anything.
 
     None for the words of the walk that the program begins with.
     """

@@ -37,18 +37,18 @@ class Question:
         return self.request if isinstance(self.request, str) else ""
 
     def held_by(self, answer: Answer | None) -> bool:
-        """Whether an answer is one to this question."""
+        """Return whether an answer is one to this question."""
         return answer is not None and answer.question == self.number
 
 
 def quoted(prompt: str) -> str:
-    """A prompt in the name of its step: on one line, cut where it is long."""
+    """Return a prompt in the name of its step: on one line, cut where it is long."""
     line = " ".join(prompt.split())
     return f"“{line if len(line) <= MAX_LABEL else line[: MAX_LABEL - 1] + '…'}”"
 
 
 def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
-    """The blend with the first answer to a question; words that were edited are locked with it."""
+    """Return the blend with the first answer to a question; words that were edited are locked with it."""
     before = blend.answers[side]
     if not question.prompt:
         words = answer if before is None else before.with_words(answer)
@@ -59,7 +59,7 @@ def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer
 
 
 def with_better_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
-    """The blend with a better answer in the place of the first one; the same blend where that does not hold.
+    """Return the blend with a better answer in the place of the first one; the same blend where that does not hold.
 
     Where a part was locked after the first answer, it keeps that answer's words.
     """
@@ -70,7 +70,7 @@ def with_better_answer(blend: PromptBlend, side: Side, question: Question, answe
 
 
 def words_of_all(sessions: Sequence[Session]) -> list[PartDescriptions]:
-    """All descriptions by which the live character or a variant moves in any of the sessions, each once."""
+    """Return all descriptions by which the live character or a variant moves in any of the sessions, each once."""
     blends = [
         blend for s in sessions for blend in (s.live.prompt, *(variant.prompt for variant in s.variants))
     ]
@@ -78,7 +78,7 @@ def words_of_all(sessions: Sequence[Session]) -> list[PartDescriptions]:
 
 
 def with_codes(session: Session, codes: Codes) -> Session:
-    """The session with the codes of another model for all prompts of `words_of_all`."""
+    """Return the session with the codes of another model for all prompts of `words_of_all`."""
 
     def coded(blend: PromptBlend) -> PromptBlend:
         a, b = (
@@ -93,7 +93,7 @@ def with_codes(session: Session, codes: Codes) -> Session:
 
 
 def same_answers(a: PromptBlend, b: PromptBlend) -> bool:
-    """Whether two blends have the same prompts in the same words and codes."""
+    """Return whether two blends have the same prompts in the same words and codes."""
     return all(
         x is y or (x and y and (x.prompt, x.words) == (y.prompt, y.words) and np.array_equal(x.z, y.z))
         for x, y in zip(a.answers, b.answers, strict=True)
@@ -103,7 +103,7 @@ def same_answers(a: PromptBlend, b: PromptBlend) -> bool:
 def answer_message(
     answer: Answer, prompt: str, model: str, followed: bool, kept: Sequence[str] = ()
 ) -> tuple[str, Level]:
-    """Text and level for an answer to `prompt`, as it is named; `followed` when the library had answered before.
+    """Return the text and level for an answer to `prompt`, as it is named; `followed` when the library had answered before.
 
     `kept` are the parts whose locked words go on.
     """

@@ -98,7 +98,7 @@ def suggest(
     history: Sequence[str] = (),
     near: Iterable[tuple[str, float]] = (),
 ) -> tuple[Suggestion, ...]:
-    """Suggestions for what is typed: own prompts, then those that begin so, have these words, or mean the like.
+    """Return the suggestions for what is typed: own prompts, then those that begin so, have these words, or mean the like.
 
     Without typed words the latest own prompts.
     """
@@ -122,7 +122,7 @@ def suggest(
 
 
 def matching(typed: str, prompts: Iterable[str]) -> list[str]:
-    """Prompts that begin with what is typed, then those in which each typed word begins a word; in their own order."""
+    """Return the prompts that begin with what is typed, then those in which each typed word begins a word; in their own order."""
     start, words = _folded(typed), _folded(typed).split()
     begin, within = [], []
     for prompt in prompts:
@@ -135,7 +135,7 @@ def matching(typed: str, prompts: Iterable[str]) -> list[str]:
 
 
 def remember(history: Sequence[str], prompt: str) -> list[str]:
-    """The history with a prompt in front, once, and no longer than `MAX_HISTORY`."""
+    """Return the history with a prompt in front, once, and no longer than `MAX_HISTORY`."""
     prompt = " ".join(prompt.split())
     if not prompt:
         return list(history)

@@ -206,20 +206,30 @@ def _mask_colors(target: moderngl.Framebuffer, written: bool) -> None:
     target.use()
 
 
-def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[CharacterDraw]:
-    """Return the ghosts with the opacity they are drawn with: fainter, the more of them stand before the character as seen from `eye` `(3,)`."""
+def character_draws(
+    solid: list[Pose], ghosts: list[Pose], frames: list[Pose], eye: Array
+) -> list[CharacterDraw]:
+    """Return what is drawn of solid poses, the first of them the character, of ghosts, and of ghosts at other times.
+
+    Ghosts are fainter, the more of them stand before the character as seen from `eye` `(3,)`.
+    """
 
     def away(one: Pose) -> float:
         return float(np.linalg.norm(one.hips_position - eye))
 
-    limit = 0.0 if pose is None else away(pose) - NEARER_M
+    limit = away(solid[0]) - NEARER_M if solid else 0.0
     before = sum(away(ghost) < limit for ghost in ghosts)
     each = 1.0 - (1.0 - COVERING_OPACITY) ** (1.0 / max(before, 1))
-    return [CharacterDraw(g, each if away(g) < limit else GHOST_OPACITY) for g in ghosts]
+    faint = [CharacterDraw(ghost, each if away(ghost) < limit else GHOST_OPACITY) for ghost in ghosts]
+    return [
+        *map(CharacterDraw, solid),
+        *faint,
+        *(CharacterDraw(p, GHOST_OPACITY, behind=True) for p in frames),
+    ]
 
 
 def near_hems(positions: Array, triangles: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Which vertices `(V,)` lie at an open edge or a few triangles from it: past a hem the inside of clothes shows."""
+    """Return which vertices `(V,)` lie at an open edge or a few triangles from it: past a hem the inside of clothes shows."""
     place = _groups(np.rint(positions / SAME_M))[1]
     corners = place[triangles]
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], -1).reshape(-1, 2), axis=1)
@@ -239,7 +249,7 @@ def coarse_triangles(
     colors: Array | None = None,
     kept: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.integer]:
-    """Fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space, those `kept` for themselves.
+    """Return fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space, those `kept` for themselves.
 
     With `colors` `(V, 3)` for those of its color there: where two colors meet, both keep to the same line.
     """

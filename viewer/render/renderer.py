@@ -8,13 +8,7 @@ import numpy as np
 from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import Camera
-from viewer.render.character_pass import (
-    GHOST_OPACITY,
-    CharacterDraw,
-    CharacterPass,
-    SkinnedMesh,
-    ghost_draws,
-)
+from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh, character_draws
 from viewer.render.frame import SHADOW_MARGIN_M, UNIFORM_BYTES, RenderFrame, make_frame
 from viewer.render.gl import FRAME_BINDING, release, screen_triangle, shown_size
 from viewer.render.marks import (
@@ -80,8 +74,7 @@ class Renderer:
         self._uniforms.write(frame.uniforms)
         self._uniforms.bind_to_uniform_block(FRAME_BINDING)
         self._terrain.prepare(frame, np.array([camera.target[0], camera.target[2]]))
-        draws = [CharacterDraw(p) for p in solid] + ghost_draws(overlays.ghosts, pose, camera.position)
-        draws += [CharacterDraw(p, GHOST_OPACITY, behind=True) for p in overlays.frames]
+        draws = character_draws(solid, overlays.ghosts, overlays.frames, camera.position)
         self._characters.prepare(draws)
         among, on_top = self._prepare_figure(figure)
         passes = [self._characters, *among]

@@ -191,7 +191,7 @@ class TerrainMesh:
     def levels(
         self, eye: Array, radians_per_pixel: float, chosen: NDArray[np.bool_], max_triangles: int
     ) -> Levels:
-        """Levels `(2, tiles x, tiles z)` along x and z, such that errors stay under a pixel seen from `eye`,
+        """Return the levels `(2, tiles x, tiles z)` along x and z, such that errors stay under a pixel seen from `eye`,
         or under a few where the `chosen` tiles would take more than `max_triangles`.
         """
         nearest = np.clip(eye, self._low, self._high)

@@ -87,7 +87,7 @@ class CameraControl:
             new.snap(old.target)
 
     def open_at(self, pose: Pose, yaw: float, obstacles: bool) -> None:
-        """The view of a start: the character from the front, or from behind where there are `obstacles` before it."""
+        """Look at the character from the front, or from behind where there are `obstacles` before it, as at a start."""
         camera = self.current
         camera.target = np.array(self.target(pose))
         self._tracked = None
@@ -98,7 +98,7 @@ class CameraControl:
             camera.yaw = yaw
 
     def lose_track(self) -> None:
-        """The character was set somewhere else: the orbit camera stays, and goes along from there."""
+        """Let the orbit camera stay, and go along from there: the character was set somewhere else."""
         self._tracked = None
 
     def view(self, view: StageView, pose: Pose) -> None:
@@ -124,7 +124,7 @@ class CameraControl:
         self.orbit.target, self.orbit.distance, self._tracked = np.array(point, float), POINT_DISTANCE_M, None
 
     def come_back(self, mode: str, distance: float, pitch: float, pose: Pose) -> None:
-        """The character from a distance (metres) and a pitch (radians) that held before, in a mode, as the camera is turned."""
+        """Look at the character again in a mode, from a distance (metres) and a pitch (radians), as the camera is turned."""
         self.use(mode)
         self.current.pitch = pitch
         self.frame_character(pose)
@@ -211,14 +211,14 @@ class CameraControl:
 
     @staticmethod
     def target(pose: Pose) -> tuple[float, float, float]:
-        """What the camera looks at: between the feet and the chest."""
+        """Return what the camera looks at: between the feet and the chest."""
         ground, hips = float(pose.root_position[1]), float(pose.hips_position[1])
         height = ground + max(hips - ground, 0.4) * 2 * CHEST_HEIGHT_FRACTION * 0.85
         return float(pose.hips_position[0]), height, float(pose.hips_position[2])
 
 
 def _drag_of(table: Mapping[tuple[str, str], Drag], taken: bool) -> Drag | None:
-    """What the button that is held does with the modifier that is; `taken`: not the left one."""
+    """Return what the button that is held does with the modifier that is; `taken`: not the left one."""
     io = imgui.get_io()
     modifiers = {"shift": io.key_shift, "ctrl": io.key_ctrl, "alt": io.key_alt}
     modifier = next((name for name, down in modifiers.items() if down), "")
@@ -227,7 +227,7 @@ def _drag_of(table: Mapping[tuple[str, str], Drag], taken: bool) -> Drag | None:
 
 
 def start_yaw(terrain: Terrain) -> float:
-    """Where a character at the origin looks, in radians: along +Z, or where the first obstacles are if none are there."""
+    """Return where a character at the origin looks, in radians: along +Z, or where the first obstacles are if none are there."""
     yaws = math.tau * np.arange(DIRECTIONS) / DIRECTIONS
     along = np.arange(NEAR_M, FAR_M, STEP_M)
     heights = terrain.height(np.outer(np.sin(yaws), along), np.outer(np.cos(yaws), along))

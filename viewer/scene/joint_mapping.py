@@ -30,12 +30,12 @@ class JointMapping:
     problem: str = ""  # why it could not be applied
 
     def guessed(self, joint: str) -> str:
-        """The joint of the file that names or rest pose tell, "" for none."""
+        """Return the joint of the file that names or rest pose tell, "" for none."""
         found = {} if self.guess is None else self.guess.found
         return self.guess.names[found[joint]] if self.guess is not None and joint in found else ""
 
     def plays(self, joint: str) -> str:
-        """The joint of the file that plays a SPORT joint, "" for none."""
+        """Return the joint of the file that plays a SPORT joint, "" for none."""
         return self.chosen.get(joint, self.guessed(joint))
 
     @property
@@ -100,7 +100,7 @@ class JointMapping:
         self.jobs.submit(Slot("joints", path), keep, kept, self.refused, writing=f"the joints of {path.name}")
 
     def refused(self, error: Exception) -> None:
-        """The character could not be shown by what was chosen, or that not be kept."""
+        """Say why the character could not be shown by what was chosen, or that not be kept."""
         self.problem = str(error)
 
     def close(self) -> bool:

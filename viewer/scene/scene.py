@@ -66,7 +66,6 @@ class Scene:
     terrain_names: tuple[str, ...] = ()
     file_path: str = ""  # the path field
     loading: str = ""  # the ground that is being loaded
-    quality: str = ""  # name of the renderer's preset
     model_name: str = ""  # "" while loading
     provider: str = ""
     model_folder: Path | None = None  # requested last; None: the default
@@ -110,7 +109,7 @@ class Scene:
         return self.inputs.next_frame / FPS
 
     def bend(self, pose: Pose, now: float) -> Pose:
-        """The live pose with the pins that hold at a time; the same object where none does."""
+        """Return the live pose with the pins that hold at a time; the same object where none does."""
         pins = weights_at(self.editor.session.live.poses.pins, now)
         if not pins:
             return pose
@@ -128,7 +127,7 @@ class Scene:
             self.settings.character = self.character_name or now.character.path
 
     def _specs(self) -> list[str]:
-        """The grounds of the session's steps, undone ones included, oldest first."""
+        """Return the grounds of the session's steps, undone ones included, oldest first."""
         grounds = [step.session.ground for step in self.editor.history.steps]
         return ["" if ground is None else ground.spec for ground in grounds]
 
@@ -142,16 +141,6 @@ class Scene:
         done = self._specs()[: self.editor.history.at + 1]
         ready = [spec for spec in done if spec in self.terrain_names]
         self.settings.terrain = ready[-1] if ready else self.settings.terrain
-
-    def remembered_character(self) -> Path | None:
-        """The file of the character that was chosen last; None for the mannequin."""
-        name = self.settings.character
-        if name in SHIPPED:
-            return None if name == MANNEQUIN else character_file(name)
-        if Path(name).is_file():
-            return Path(name)
-        self.messages.warn(f"The character {name} is missing: the walker is shown.")
-        return character_file(WALKER)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -181,7 +170,6 @@ class Scene:
     def begin(self, camera: str, live_link: str | None, vmc: str | None) -> None:
         """Show the first ground by a camera (follow, orbit, or a view), and send poses to addresses; UsageError."""
         self.terrain_names = self.services.terrain_names()
-        self.quality = self.renderer.quality.name
         self._first_view = camera if camera in VIEWS else ""
         self.camera.use("orbit" if self._first_view else camera)
         self.renderer.set_terrain(self.terrain)
@@ -250,7 +238,7 @@ class Scene:
         )  # fmt: skip
 
     def read_ground(self, spec: str) -> Terrain:
-        """A ground by name or file, on any thread; TerrainError, FileError."""
+        """Return a ground by name or file, on any thread; TerrainError, FileError."""
         return self.services.load_terrain(
             spec, self.settings.height_map_cell_m, self.settings.height_map_height_m
         )
@@ -334,7 +322,7 @@ class Scene:
         )
 
     def read_character(self, path: Path | None, joint_map: Path | None = None) -> LoadedCharacter:
-        """The character of a file, whose content is kept for the session; on any thread, FileError."""
+        """Return the character of a file, whose content is kept for the session; on any thread, FileError."""
         character = self.services.load_character(path, joint_map, "")
         if path is None:
             return CharacterChoice(), None, character
@@ -347,7 +335,7 @@ class Scene:
         return choice, path, character
 
     def read_choice(self, choice: CharacterChoice) -> LoadedCharacter:
-        """A character of the session; on any thread, FileError."""
+        """Return a character of the session; on any thread, FileError."""
         path = self.editor.file.character_path(choice)
         if choice.shape != BodyShape():
             path = shaped_file(choice.shape, self.folder / "shapes")
@@ -361,23 +349,10 @@ class Scene:
             reading=path.name if path else "",
         )  # fmt: skip
 
-    @property
-    def shape(self) -> BodyShape:
-        return self.editor.session.character.shape
-
     def set_shape(self, shape: BodyShape, held: bool = False) -> None:
-        """The mannequin in another shape; `held`: while the mouse drags a slider, after which it is made."""
+        """Give the mannequin another shape; `held`: while the mouse drags a slider, after which it is made."""
         change = self.editor.drag if held else self.editor.do
         change("shape of the mannequin", partial(replace, character=CharacterChoice(shape)))
-
-    def set_unit(self, unit: str) -> None:
-        """Read the lengths of the character's file in another unit, "" as its height tells."""
-        choice = replace(self.editor.session.character, unit=unit)
-        self.editor.do("unit of the character", partial(replace, character=choice))
-
-    @property
-    def characters(self) -> Path:
-        return self.folder / "characters"
 
     @property
     def character_name(self) -> str:
@@ -459,7 +434,7 @@ class Scene:
 
     def lower_quality(self, fps: float, dt: float) -> None:
         """Go to the fast preset where none was chosen and the processor shows too few frames a second for some time."""
-        slow = not self.settings.quality and self.quality == "software" and 0.0 < fps < SLOW_FPS
+        slow = not self.settings.quality and self.renderer.quality.name == "software" and 0.0 < fps < SLOW_FPS
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:
             self._render_with("fast")
@@ -472,4 +447,3 @@ class Scene:
             renderer.set_character(dressed(self._character, self.settings.look))
         self.renderer.release()
         self.renderer = renderer
-        self.quality = renderer.quality.name

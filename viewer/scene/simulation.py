@@ -38,7 +38,7 @@ _LOG = logging.getLogger("sport.viewer")
 
 
 def rest_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
-    """The skeleton standing with lowered arms at x, z, facing `yaw`: shown until a model is loaded."""
+    """Return the skeleton standing with lowered arms at x, z, facing `yaw`: shown until a model is loaded."""
     local = rotations.identity((len(SPORT_SKELETON),))
     forward = np.array([0.0, 0.0, 1.0])
     for name, angle in (("LeftArm", -1.25), ("RightArm", 1.25)):
@@ -51,7 +51,7 @@ def rest_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0, yaw: float = 0.0
 
 
 def make_pose(hips: Any, local: Any, contacts: Any, ground: float, yaw: float) -> Pose:
-    """A pose by forward kinematics; `ground` is the height under the hips in metres, `yaw` in radians."""
+    """Return a pose by forward kinematics; `ground` is the height under the hips in metres, `yaw` in radians."""
     hips, local = np.asarray(hips, np.float32), np.asarray(local, np.float32)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     root = np.array([hips[0], ground, hips[2]], np.float32)
@@ -59,7 +59,7 @@ def make_pose(hips: Any, local: Any, contacts: Any, ground: float, yaw: float) -
 
 
 def interpolate(a: Pose, b: Pose, t: float) -> Pose:
-    """The pose at t in 0..1 between two poses: rotations along the shorter arc, bones keep their length."""
+    """Return the pose at t in 0..1 between two poses: rotations along the shorter arc, bones keep their length."""
     if t <= 0.0 or a is b:
         return a
     if t >= 1.0:
@@ -72,7 +72,7 @@ def interpolate(a: Pose, b: Pose, t: float) -> Pose:
 
 
 def steps_of(due_s: float, frame_s: float, step_ms: float) -> tuple[int, float]:
-    """Steps of the time that is due in a frame of `frame_s`, when each takes `step_ms`; and what is left of that time."""
+    """Return the steps of the time that is due in a frame of `frame_s`, when each takes `step_ms`; and what is left of that time."""
     steps = int(due_s / STEP_SECONDS + 1e-6)
     left_s = min(max(due_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
     affordable = int(MODEL_TIME_FRACTION * frame_s * 1e3 / max(step_ms, 1e-3))
@@ -93,7 +93,7 @@ class Simulation:
 
     @staticmethod
     def standing(terrain: Terrain, yaw: float = 0.0) -> Simulation:
-        """A simulation without a controller: the character stands."""
+        """Return a simulation without a controller: the character stands."""
         pose = rest_pose(terrain, yaw=yaw)
         return Simulation(pose, pose)
 
@@ -119,7 +119,7 @@ class Simulation:
         self.reset(x, z, self.current.root_yaw)
 
     def go_on_from(self, pose: Pose) -> None:
-        """The controller was put into another state, whose pose this is; failures are forgotten."""
+        """Show the pose of another state that the controller was put into; failures are forgotten."""
         self._failures, self._left_s, self.problem = 0, 0.0, ""
         self.previous = self.current = pose
 
@@ -132,7 +132,7 @@ class Simulation:
             self.previous = self.current
 
     def advance(self, seconds: float, controls: Controls) -> list[Pose]:
-        """The new poses of this much time, at most `MAX_STEPS`; time beyond that is dropped."""
+        """Return the new poses of this much time, at most `MAX_STEPS`; time beyond that is dropped."""
         self.problem = ""
         if self.controller is None or self.halted:
             self.previous = self.current
@@ -141,7 +141,7 @@ class Simulation:
         return [pose for _ in range(steps) if (pose := self._step(controls)) is not None]
 
     def shown(self) -> Pose:
-        """The pose for the display, between the last two steps."""
+        """Return the pose for the display, between the last two steps."""
         return interpolate(self.previous, self.current, self._left_s / STEP_SECONDS)
 
     def _step(self, controls: Controls) -> Pose | None:
@@ -152,23 +152,23 @@ class Simulation:
         begin = time.perf_counter()
         try:
             pose = controller.step(controls)
-            finite = np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all()
-            failure = "" if finite else "it answered with values that are not numbers"
+            if not (np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all()):
+                raise ValueError("it answered with values that are not numbers")
         except Exception as error:  # a foreign network may fail in any way; the window must live on
             _LOG.exception("the model failed")
-            failure = str(error) or type(error).__name__
-        if failure:
-            self._fail(failure)
+            self._fail(str(error) or type(error).__name__)
             return None
-        cost_ms = (time.perf_counter() - begin) * 1e3
-        fraction = 1.0 - 0.5 ** (1.0 / COST_HALF_LIFE_STEPS)
-        before_ms = self.model_ms or cost_ms
-        self.model_ms = before_ms + (cost_ms - before_ms) * fraction
+        self.add_cost((time.perf_counter() - begin) * 1e3)
         fault = controller.message  # it set itself back: no defect, unless it does so every time
         self._failures = self._failures + 1 if fault else 0
         self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem
         self.previous, self.current = self.current, pose
         return pose
+
+    def add_cost(self, ms: float) -> None:
+        """Take what a step of the model cost, in milliseconds."""
+        before_ms, fraction = self.model_ms or ms, 1.0 - 0.5 ** (1.0 / COST_HALF_LIFE_STEPS)
+        self.model_ms = before_ms + (ms - before_ms) * fraction
 
     def _fail(self, failure: str) -> None:
         self._failures += 1

@@ -1,18 +1,21 @@
-"""Reading a BVH file: a take on the ground that it was made on, or a motion of another skeleton."""
+"""Opening a motion's file as a take: on the ground that it was made on, or of another skeleton."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from runtime.errors import SportError
+from runtime.session import edits
 from runtime.session.motion import Motion
-from runtime.session.session import Ground, Take
+from runtime.session.session import Ground, Reference, Session, Take
 from runtime.terrain.height_map import Terrain
 from viewer.jobs import Slot
+from viewer.session.takes import Takes
 
 SLOT = Slot("opening of a take")
 
@@ -28,7 +31,7 @@ class Opened:
 
 
 def read_take(path: Path, load_ground: Callable[[str], Terrain] | None, animation: str = "") -> Opened:
-    """The take of a file, of several animations the one of a name; on any thread, FileError.
+    """Return the take of a file, of several animations the one of a name; on any thread, FileError.
 
     It plays on the ground that its file names, where `load_ground` finds that; one of another skeleton else on flat ground.
     """
@@ -55,3 +58,51 @@ def read_take(path: Path, load_ground: Callable[[str], Terrain] | None, animatio
     clip = with_contacts(clip, None if ground is None else ground.terrain)
     take = Take(motion=Motion.of(clip), recorded=False, ground=ground, own=own)
     return Opened(take, f"{text}. {opened.note}".rstrip(), problem, opened.animations)
+
+
+def open_file(takes: Takes, path: Path, keep_ground: bool = False, animation: str = "") -> None:
+    """Add the motion of a file to the list and play it, on its own ground unless `keep_ground`."""
+    _open(takes, path, keep_ground, animation, takes.play)
+
+
+def open_reference(takes: Takes, path: Path, animation: str = "") -> None:
+    """Add the motion of a file to the list and compare the take that plays with it; play it where none does."""
+
+    def show(number: int) -> None:
+        if takes.playback is None:
+            takes.play(number)
+        else:
+            made = Reference(take=number)
+            takes.editor.do(f"reference {path.name}", lambda session: replace(session, reference=made))
+
+    _open(takes, path, False, animation, show, selects=False)
+
+
+def _open(
+    takes: Takes,
+    path: Path,
+    keep_ground: bool,
+    animation: str,
+    show: Callable[[int], None],
+    selects: bool = True,
+) -> None:
+    load, number = None if keep_ground else takes.scene.read_ground, takes.session.counter + 1
+
+    def add(found: Opened, session: Session) -> Session:
+        made = edits.with_new_take(session, found.take, number)
+        return made if selects else replace(made, selected=session.selected)
+
+    def opened(found: Opened) -> None:
+        takes.animations[number] = path, found.animations
+        show(number)
+        takes.messages.note(found.text)
+        if found.problem:
+            shown = takes.scene.terrain.name
+            takes.messages.warn(
+                f"{found.problem} It plays on {shown}. Put that file into the same folder and open it again."
+            )
+
+    work, slot = partial(read_take, path, load, animation), replace(SLOT, of=(path, animation))
+    takes.editor.run(
+        takes.jobs, f"opening of {path.name}", slot, work, add, edits.with_number, opened, reading=path.name
+    )

@@ -40,7 +40,7 @@ class Playback:
         self.time_s = max(self.time_s, self.start_s)
 
     def use(self, take: Take) -> None:
-        """The take after an edit, whose frames may still be those before it."""
+        """Use the take after an edit, whose frames may still be those before it."""
         self.take, end = take, self.frames - 1
         self.first, self.last = (min(frame, end) for frame in take.range)
 
@@ -110,17 +110,17 @@ class Playback:
         self.seek(wanted)
 
     def show(self, take: Take, clip: Clip, inputs: InputRecording | None) -> None:
-        """The frames of the take after an edit, at the same time."""
+        """Show the frames of the take after an edit, at the same time."""
         self.shown, self.clip, self.inputs = take, clip, inputs
         self.use(take)
         self.time_s = min(self.time_s, (self.frames - 1) / clip.fps)
 
     def pose(self) -> Pose:
-        """The pose at the current time, standing on the terrain shown."""
+        """Return the pose at the current time, standing on the terrain shown."""
         return self.pose_at(self.frame) if self._newer else self.standing(self.clip.sample(self.time_s))
 
     def pose_at(self, frame: int) -> Pose:
-        """The pose of a frame, standing on the terrain shown."""
+        """Return the pose of a frame, standing on the terrain shown."""
         if not self._newer:
             return self.standing(self.clip.pose(frame))
         return self.standing(self.take.frame(frame).pose(0))
@@ -133,7 +133,7 @@ class Playback:
         return same and take.poses != shown.poses
 
     def standing(self, pose: Pose) -> Pose:
-        """A pose of the take, with its root on the terrain shown."""
+        """Return a pose of the take, with its root on the terrain shown."""
         x, _, z = (float(v) for v in pose.hips_position)
         ground = np.array([x, float(self.terrain.height(x, z)), z], np.float32)
         return dataclasses.replace(pose, root_position=ground)

@@ -56,7 +56,7 @@ PLACES = {
 
 
 def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
-    """The file of a session that has no name yet, and why it is not in `folder`; "" where it is."""
+    """Return the file of a session that has no name yet, and why it is not in `folder`; "" where it is."""
     path = library.new_path(folder)
     try:
         with removed_when_ended(path, *side_files(path), lock_of(path)):
@@ -144,7 +144,7 @@ class Sessions:
         return None if newest is None or newest.ended else newest
 
     def find_cut_off(self) -> SessionSummary | None:
-        """The session that was open last, untitled or the user's own file, where it was cut off."""
+        """Return the session that was open last, untitled or the user's own file, where it was cut off."""
         named = library.look_at(self.recent[0]) if self.recent else None
         # what the file says is written with the view, and may be older
         named = named and replace(named, name=named.path.stem)
@@ -154,9 +154,9 @@ class Sessions:
     # --- actions
 
     def new(self) -> None:
-        """An empty session on the same ground with the same character; the one before stays in its file."""
+        """Begin an empty session on the same ground with the same character; the one before stays in its file."""
         before = self.editor.session
-        file, problem = first_file(self.untitled_folder, self.scene.characters)
+        file, problem = first_file(self.untitled_folder, self.folder / "characters")
         history = History()
         live = replace(before.live, path=(), cameras=(), poses=NO_EDITS)
         history.replace(
@@ -181,12 +181,12 @@ class Sessions:
 
     def _read(self, path: Path) -> tuple[SessionFile, History, str]:
         try:
-            return *SessionFile.open(path, self.scene.characters), ""
+            return *SessionFile.open(path, self.folder / "characters"), ""
         except FileInUse:
             copy = library.new_path(self.untitled_folder)
             SessionFile.copy(path, copy)
             said = f"{path.name} is open in another window: this is an untitled copy of it."
-            return *SessionFile.open(copy, self.scene.characters), said
+            return *SessionFile.open(copy, self.folder / "characters"), said
 
     def _opened(self, path: Path, file: SessionFile, history: History, said: str) -> None:
         self._use(file, history)
@@ -202,7 +202,7 @@ class Sessions:
 
     def open_last(self) -> None:
         """Open what was open last, with or without a name."""
-        times = {path: _changed(path) for path in self.recent[:1]}
+        times = {path: path.stat().st_mtime if path.exists() else 0.0 for path in self.recent[:1]}
         times |= {summary.path: summary.saved_s for summary in self.earlier[:1]}
         if times:
             self.open(max(times, key=times.__getitem__))
@@ -253,7 +253,7 @@ class Sessions:
         )
 
     def revert(self) -> None:
-        """Back to what the session was when it was opened; a step of undo."""
+        """Go back to what the session was when it was opened; a step of undo."""
         self.editor.end_running()
         opened = self.editor.opened
         if not self.editor.do("revert to when it was opened", lambda _: opened):
@@ -325,7 +325,7 @@ class Sessions:
     # --- the view
 
     def _view(self) -> dict[str, Any]:
-        """How the session is looked at: no step of undo, but kept."""
+        """Return how the session is looked at: no step of undo, but kept."""
         camera, pose = self.scene.camera, self.scene.simulation.current
         now, (x, _, z) = camera.current, pose.root_position
         numbers = (x, z, pose.root_yaw, now.yaw, now.pitch, now.distance)  # in the order of `PLACES`
@@ -371,7 +371,7 @@ class Sessions:
         return False
 
     def _known_model(self, wanted: ModelName) -> Path | None:
-        """The folder of a shipped model, or of one that was chosen here, whose network is the wanted one."""
+        """Return the folder of a shipped model, or of one that was chosen here, whose network is the wanted one."""
         chosen = str(self.scene.model_folder or ""), self.settings.model_folder, *self.settings.known_models
         folders = [*shipped_models().values(), *(Path(text) for text in chosen if os.path.isabs(text))]
         return next((folder for folder in folders if wanted.sha256 in model_hashes(folder)), None)
@@ -413,7 +413,7 @@ class Sessions:
         self.editor.file.flush(MENTION_AFTER_S)
 
     def finish(self, keep: bool, until: float, ended: bool = True) -> None:
-        """The program ends, at a time of `time.monotonic`: what the file has not taken by then is for the next start.
+        """Write what is left until a time of `time.monotonic`, at which the program ends; the rest is for the next start.
 
         Not `ended` as planned, that start offers the session.
         """
@@ -429,7 +429,10 @@ class Sessions:
         if empty:
             library.remove(file.path)
         elif not whole:
-            self._not_whole(file)
+            self.incomplete = True
+            problem, kept = file.problem or f"{file.path}: its disk is too slow.", file.database.handed_over
+            left = "Its last changes are lost." if kept is None else f"The next start adds what is in {kept}."
+            self.messages.error(f"{problem} {left}")
         elif self.path is None and file.path.parent != self.untitled_folder:
             self.incomplete = True
             self.messages.error(f"The session is in {file.path}.")
@@ -442,31 +445,20 @@ class Sessions:
             self.messages.warn(text)
 
     def _unfinished(self, file: SessionFile) -> str:
-        """What the last end of the program cut short; it is said once."""
+        """Return what the last end of the program cut short; it is said once."""
         text = file.database.meta(UNFINISHED)
         if text:
             file.set_meta(UNFINISHED, "")
         return text
 
-    def _not_whole(self, file: SessionFile) -> None:
-        self.incomplete = True
-        problem, kept = file.problem or f"{file.path}: its disk is too slow.", file.database.handed_over
-        left = "Its last changes are lost." if kept is None else f"The next start adds what is in {kept}."
-        self.messages.error(f"{problem} {left}")
-
 
 def _places(view: dict[str, Any]) -> dict[str, float]:
-    """The numbers of a view, within their limits."""
+    """Return the numbers of a view, within their limits."""
     return {
         name: min(max(float(view[name]), low), high)
         for name, (low, high) in PLACES.items()
         if isinstance(view.get(name), int | float)
     }
-
-
-def _changed(path: Path) -> float:
-    """When a file was written, in seconds since 1970; 0 where it is not there: opening it says so."""
-    return path.stat().st_mtime if path.exists() else 0.0
 
 
 def _with_suffix(path: Path) -> Path:

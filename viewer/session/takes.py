@@ -1,4 +1,4 @@
-"""The list of takes: recording into it, opening, playback."""
+"""The list of takes: recording into it, and playback."""
 
 from __future__ import annotations
 
@@ -30,8 +30,6 @@ from viewer.input.bindings import Action
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
-from viewer.session.opening import SLOT as OPENING
-from viewer.session.opening import Opened, read_take
 from viewer.session.playback import Playback
 from viewer.settings import Settings
 
@@ -40,6 +38,7 @@ SEARCHED_FROM = 8  # takes from which on the list can be searched
 SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
 LONG_FRAMES = 20_000  # of a take whose pins and plants take longer than a user waits
 RECORDED_NAME = re.compile(r"(?:Take|Last seconds) (\d{1,9})")
+LoadedFrames = tuple[Clip, InputRecording | None, SportError | None]  # see `_loaded`
 RECORDED_FRAMES = 10  # that are written down together: six times a second
 
 
@@ -74,8 +73,6 @@ class Takes:
             Action.RECORD: self.toggle_recording,
             Action.SAVE_LAST: self.save_last,
             Action.PLAY: self.play_or_pause,
-            Action.FRAME_BACK: partial(self._played, lambda playback: playback.step(-1)),
-            Action.FRAME_ON: partial(self._played, lambda playback: playback.step(1)),
             Action.FIRST_FRAME: partial(self._played, lambda playback: playback.seek(playback.first)),
             Action.LAST_FRAME: partial(self._played, lambda playback: playback.seek(playback.last)),
             Action.PLAY_BACKWARDS: partial(self._played, lambda playback: playback.shuttle(-1)),
@@ -120,9 +117,7 @@ class Takes:
         elif not self.editor.dragging:
             self.jobs.submit(SHOWING, partial(_loaded, take), partial(self._show, playback, take))
 
-    def _show(
-        self, playback: Playback, take: Take, loaded: tuple[Clip, InputRecording | None, SportError | None]
-    ) -> None:
+    def _show(self, playback: Playback, take: Take, loaded: LoadedFrames) -> None:
         clip, inputs, problem = loaded
         if problem is not None:
             self.messages.error(problem)
@@ -137,7 +132,7 @@ class Takes:
             self.inputs.before_steps(self.scene.controller)
 
     def mark_style(self, blend: PromptBlend, seconds: float, holds: bool = False) -> None:
-        """A prompt came into force for the next frame, or it `holds` already in the controller's state."""
+        """Record that a prompt is in force from the next frame on, or `holds` already in the controller's state."""
         z = blend.style(self.settings.exact_legs)
         event = PromptEvent(0.0, blend.prompt_text, seconds, blend.spelled_out(), blend.typed())
         self.recorder.mark_prompt(event.prompt, seconds, event.words, event.typed)
@@ -145,7 +140,7 @@ class Takes:
             self.inputs.mark_style(StyleChange(0, z, seconds, event, blend), holds)
 
     def mark_style_in_force(self, style: StyleChange) -> None:
-        """A style of a take holds in the live controller already."""
+        """Record that a style of a take holds in the live controller already."""
         event = style.event
         self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
         self.inputs.mark_style(style, holds=True)
@@ -161,7 +156,7 @@ class Takes:
             self._write_down(self._recording)
 
     def _write_down(self, recording: Recording) -> None:
-        """What was recorded since the last time goes to the file."""
+        """Write what was recorded since the last time to the file."""
         first, begin = self._written, self.recorder.take_first
         rows = self.recorder.rows(first)
         if begin is None or not len(rows):
@@ -175,7 +170,7 @@ class Takes:
         self._written = self.recorder.next_frame
 
     def memory(self, seconds: float) -> Playback | None:
-        """The last seconds of the live character as a take at its last frame; None before there are any."""
+        """Return the last seconds of the live character as a take at its last frame; None before there are any."""
         if not self.recorder.seconds:
             return None
         clip = self.recorder.last(seconds)
@@ -209,7 +204,7 @@ class Takes:
         self._keep("Take", self.recorder.stop, recording)
 
     def _free_name(self, kind: str) -> str:
-        """A name with the next number of those that were recorded, whatever else was opened; removed ones count."""
+        """Return a name with the next number of those that were recorded, whatever else was opened; removed ones count."""
         history = self.editor.history
         names = {
             take.made.header.name
@@ -293,9 +288,7 @@ class Takes:
         take = self.session.take(number)
         if take is None:
             return
-        if self.editor.do(
-            f"mirror image of {take.title}", lambda session: edits.mirrored_copy(session, number)
-        ):
+        if self.editor.do(f"mirror image of {take.title}", lambda s: edits.mirrored_copy(s, number)):
             self.play(self.session.selected)
             uneven = take.ground is not None and float(take.ground.terrain.heights.std()) > 0.005
             over = " Its feet fit level ground, not this one." if uneven else ""
@@ -328,7 +321,7 @@ class Takes:
         return found
 
     def versions(self, number: int) -> list[tuple[str, Take]]:
-        """What a take was in the history: the take with each of its motions, and the edit that made it, oldest first."""
+        """Return what a take was in the history: the take with each of its motions, and the edit that made it, oldest first."""
         found: list[tuple[str, Take]] = []
         for step in self.editor.history.steps:
             take = step.session.take(number)
@@ -366,57 +359,6 @@ class Takes:
     def set_color(self, number: int, color: int) -> None:
         self.editor.do("color of a take", lambda session: session.with_take(number, color=color))
 
-    # --- opening
-
-    def open(self, path: Path, keep_ground: bool = False, animation: str = "") -> None:
-        """Add the motion of a file to the list and play it, on its own ground unless `keep_ground`."""
-        self._open(path, keep_ground, animation, self.play)
-
-    def open_reference(self, path: Path, animation: str = "") -> None:
-        """Add the motion of a file to the list and compare the take that plays with it; play it where none does."""
-
-        def show(number: int) -> None:
-            if self.playback is None:
-                self.play(number)
-            else:
-                self.editor.do(
-                    f"reference {path.name}", lambda s: replace(s, reference=Reference(take=number))
-                )
-
-        self._open(path, False, animation, show, selects=False)
-
-    def _open(
-        self, path: Path, keep_ground: bool, animation: str, show: Callable[[int], None], selects: bool = True
-    ) -> None:
-        load, number = None if keep_ground else self.scene.read_ground, self.session.counter + 1
-
-        def add(found: Opened, session: Session) -> Session:
-            made = edits.with_new_take(session, found.take, number)
-            return made if selects else replace(made, selected=session.selected)
-
-        def opened(found: Opened) -> None:
-            self.animations[number] = path, found.animations
-            show(number)
-            self.messages.note(found.text)
-            if found.problem:
-                shown = self.scene.terrain.name
-                self.messages.warn(
-                    f"{found.problem} It plays on {shown}. Put that file into the same folder and open it again."
-                )
-
-        work = partial(read_take, path, load, animation)
-        slot = replace(OPENING, of=(path, animation))
-        self.editor.run(
-            self.jobs,
-            f"opening of {path.name}",
-            slot,
-            work,
-            add,
-            edits.with_number,
-            opened,
-            reading=path.name,
-        )
-
     # --- playback
 
     def play(self, number: int) -> None:
@@ -428,7 +370,7 @@ class Takes:
         long = take.frames > LONG_FRAMES
         shown = replace(take, poses=NO_EDITS) if take.poses and long else take
 
-        def begin(loaded: tuple[Clip, InputRecording | None, SportError | None]) -> None:
+        def begin(loaded: LoadedFrames) -> None:
             now, (clip, inputs, problem) = self.session.take(number), loaded
             if problem is not None:
                 self.messages.error(problem)
@@ -445,7 +387,7 @@ class Takes:
         self.jobs.submit(PLAYING, partial(_loaded, shown), begin, reading=take.title if long else "")
 
     def ground_to_show(self) -> Ground:
-        """The ground to draw: that of the take that plays, in the frame that is shown, or the live one."""
+        """Return the ground to draw: that of the take that plays, in the frame that is shown, or the live one."""
         playback = self.playback
         if playback is None:
             return self.scene.ground
@@ -489,7 +431,7 @@ _ORDERS: dict[str, Callable[[Take], Any]] = {
 
 
 def _words(take: Take) -> str:
-    """What the search looks at."""
+    """Return what the search looks at."""
     return f"{take.title} {take.note} {'*' * take.rating} {_about(take.made.header)}".lower()
 
 
@@ -498,8 +440,8 @@ def _about(header: MotionHeader) -> str:
     return header.describe()
 
 
-def _loaded(take: Take) -> tuple[Clip, InputRecording | None, SportError | None]:
-    """The frames of a take as they are shown, what drove it, and why that cannot be read; on any thread, FileError."""
+def _loaded(take: Take) -> LoadedFrames:
+    """Return the frames of a take as they are shown, what drove it, and why that cannot be read; on any thread, FileError."""
     clip = take.clip
     try:
         return clip, None if take.mirrored else take.made.inputs, None

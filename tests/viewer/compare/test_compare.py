@@ -23,7 +23,7 @@ from tests.helpers.app_driver import (
     type_prompt,
 )
 from viewer.app import App
-from viewer.compare.compare_view import SPACING_M, places
+from viewer.compare.lineup import SPACING_M, places
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.jobs import Slot

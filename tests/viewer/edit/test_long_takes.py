@@ -13,7 +13,7 @@ from runtime.session.motion import Motion
 from runtime.session.session import Take
 from runtime.takes.pins import Pinned
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, place, press, run
+from tests.helpers.app_driver import Start, click, click_on, frame, place, press, run, seek
 from viewer.app import App
 from viewer.edit.timeline_look import Range
 
@@ -39,17 +39,6 @@ def play_a_minute(app: App) -> None:
     app.editor.do("a minute", lambda session: edits.with_new_take(session, Take(motion=Motion.of(long))))
     app.takes.play(2)
     seek(app, 0)
-
-
-def seek(app: App, frame: int) -> None:
-    assert app.takes.playback is not None
-    app.takes.playback.seek(frame)
-    run(app, 2)
-
-
-def frame(app: App) -> int:
-    assert app.takes.playback is not None
-    return app.takes.playback.frame
 
 
 def shown(app: App) -> Range:

@@ -10,7 +10,7 @@ from runtime.controls import Gait
 from runtime.session.session import Session
 from runtime.takes.pins import Pin, Pinned
 from tests.helpers import hand
-from tests.helpers.app_driver import click, click_on, drag, place, press, record, run, titles
+from tests.helpers.app_driver import click, click_on, drag, place, press, record, run, seek, titles
 from tests.helpers.full_session import text_of
 from viewer.app import App
 from viewer.edit.items import Item
@@ -79,12 +79,6 @@ def contacts(app: App) -> None:
         gone = [] if whole is None else [whole]
         chosen(app).replace("change", gone, [Item(*new, "footplants", None, 0)])
         run(app, 3)
-
-
-def seek(app: App, frame: int) -> None:
-    assert app.takes.playback is not None
-    app.takes.playback.seek(frame)
-    run(app, 2)
 
 
 def chosen(app: App) -> Selection:

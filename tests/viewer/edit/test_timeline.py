@@ -19,18 +19,21 @@ from tests.helpers.app_driver import (
     click_on,
     controller,
     drawn,
+    frame,
     message,
     place,
     press,
     prompt,
     run,
     run_until,
+    seek,
     type_prompt,
 )
 from tests.helpers.viewer_fakes import FakeController
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.services import Services
+from viewer.session.opening import open_file
 
 
 def record(app: App, frames: int = 40) -> Take:
@@ -52,17 +55,6 @@ def record(app: App, frames: int = 40) -> Take:
 
 def take(app: App) -> Take:
     return app.editor.session.takes[0]
-
-
-def seek(app: App, frame: int) -> None:
-    assert app.takes.playback is not None
-    app.takes.playback.seek(frame)
-    run(app, 2)
-
-
-def frame(app: App) -> int:
-    assert app.takes.playback is not None
-    return app.takes.playback.frame
 
 
 def drag(app: App, label: str, first: float, last: float, down: float = 0.5) -> None:
@@ -232,7 +224,7 @@ def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path:
     app.bvh_export.path = f"{tmp_path}/walk.bvh"
     app.bvh_export.export()
     run(app)
-    app.takes.open(tmp_path / "walk.bvh")
+    open_file(app.takes, tmp_path / "walk.bvh")
     seek(app, 10)
     assert [bar.text for bar in app.editing.tracks.prompts] == ["a proud king", "an old king"]  # type: ignore[union-attr]
     assert "comes from a file" in app.editing.fixed

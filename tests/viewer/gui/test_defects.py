@@ -57,7 +57,7 @@ def opened(app: App, what: str) -> None:
         "settings": app.settings_window.toggle,
         "export": app.exporting.open,
         "the first minute": app.guide.begin,
-        "help": app.shell._toggle_help,
+        "help": lambda: app.shell._toggle("help_open"),
         "recording": app.takes.toggle_recording,
     }
     windows.get(what, lambda: None)()

@@ -185,12 +185,12 @@ def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(start: St
     run(app, 2)
     for _ in range(7):
         app.scene.lower_quality(12.0, 1.0)
-    assert (app.scene.quality, app.settings.quality) == ("fast", "")
+    assert (app.scene.renderer.quality.name, app.settings.quality) == ("fast", "")
     assert "Fast" in message(app)
     app.scene.set_quality("software")
     for _ in range(7):
         app.scene.lower_quality(12.0, 1.0)
-    assert app.scene.quality == "software"
+    assert app.scene.renderer.quality.name == "software"
 
 
 def test_the_motion_keeps_its_own_time_at_five_frames_a_second(start: Start) -> None:
@@ -243,8 +243,8 @@ def test_the_chosen_character_is_that_of_the_next_start(start: Start, tmp_path: 
     if kept == "walker":
         app.editor.undo()
     assert app.settings.character == (str(own) if kept == "own" else kept)
-    assert app.scene.remembered_character() == paths[kept]
+    assert app.remembered_character() == paths[kept]
     own.unlink()
     if kept == "own":
-        assert app.scene.remembered_character() == paths["walker"]
+        assert app.remembered_character() == paths["walker"]
         assert "is missing" in message(app)

@@ -17,6 +17,7 @@ from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session_file import SessionFile
 from tests.helpers.app_driver import Start, click_on, message, run
 from viewer.app import App
+from viewer.session.opening import open_file
 
 
 def record(app: App, frames: int = 30) -> None:
@@ -83,7 +84,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     assert changed.seconds == pytest.approx(12 / 60, abs=2 / 60)
     assert dict(back.gait_seconds)["walk"] > 0.4
     assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, TEMPERATURE)
-    app.takes.open(tmp_path / "walk.bvh")
+    open_file(app.takes, tmp_path / "walk.bvh")
     run(app, 2)
     assert "an old king" in app.editor.session.takes[-1].clip.describe()
 
@@ -147,7 +148,7 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: St
     app.bvh_export.export()
     app.takes.remove(1)
     before = original.read_bytes()
-    app.takes.open(original)
+    open_file(app.takes, original)
     run(app)
     app.takes.playback.seek(10)
     click_on(app, "Out ]")

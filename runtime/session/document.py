@@ -27,14 +27,7 @@ from runtime.session.frames import packed_table, unpacked_table
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import Answer, PromptBlend
 from runtime.session.session import Ground, Session, Take
-from runtime.takes.input_recording import (
-    COLUMNS,
-    Change,
-    GroundChange,
-    InputRecording,
-    Restart,
-    are_asked,
-)
+from runtime.takes.input_recording import COLUMNS, Change, GroundChange, InputRecording, Restart, are_asked
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.terrain.height_map import Terrain

@@ -22,13 +22,7 @@ from runtime.motion.style import StyleMix
 from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import is_text, parse_json, reason
 from runtime.session.blobs import REMEDY, BlobReader
-from runtime.session.document import (
-    LONG_TEXTS,
-    MAX_ITEMS,
-    MAX_TEXT_CHARACTERS,
-    Json,
-    record_fields,
-)
+from runtime.session.document import LONG_TEXTS, MAX_ITEMS, MAX_TEXT_CHARACTERS, Json, record_fields
 from runtime.session.document_checks import checked_record
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.prompt_blend import PromptBlend

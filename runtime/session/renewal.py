@@ -13,14 +13,7 @@ from runtime.errors import FileError
 from runtime.session import unwritten
 from runtime.session.recovery import fill_gaps
 from runtime.session.salvage import salvaged
-from runtime.session.sqlite_file import (
-    connect,
-    file_errors,
-    in_memory,
-    keep_aside,
-    new_file,
-    side_files,
-)
+from runtime.session.sqlite_file import connect, file_errors, in_memory, keep_aside, new_file, side_files
 from runtime.session.tables import (
     MAX_ROWS,
     DamageError,

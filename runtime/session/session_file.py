@@ -119,8 +119,7 @@ class SessionFile(StoredMotions):
             for step in steps:
                 self._put_motions(writer, step.session)
                 writer.put_step(step.number, printable(step.label), self._documents.session(step.session))
-            writer.drop_steps(first=last + 1)
-            writer.drop_steps(before=first)
+            writer.drop_steps(last + 1, first)
             self._note_lost(writer, [step.session for step in steps], dropped, kept)
             takes = present.session.takes
             seconds = sum((b - a) / t.made.header.fps for t in takes for a, b in (t.range,))

@@ -19,12 +19,7 @@ from runtime.session.clip_cache import ClipCache
 from runtime.session.database import Database
 from runtime.session.document import MAX_FRAMES, unpack_sticks
 from runtime.session.document_reader import DocumentReader
-from runtime.session.frames import (
-    CLIP_FRAME_BYTES,
-    PACKED_FRAME_BYTES,
-    packed_gaits,
-    unpacked_frames,
-)
+from runtime.session.frames import CLIP_FRAME_BYTES, PACKED_FRAME_BYTES, packed_gaits, unpacked_frames
 from runtime.session.lost import LostTake
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.recovery import INPUT, TAIL, UNKNOWN_FPS, UNKNOWN_NAME

@@ -14,7 +14,7 @@ from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.session import library
 from runtime.session.library import SessionSummary
 from tests.helpers.app_driver import Start, run
-from viewer.session.sessions import describe
+from viewer.session.summaries import describe
 
 YEAR_S = 365 * 86400.0
 JUMPS = (0.0, -5.0, 1.0, 4e9, 1e12, 1.5e9, -1e9)

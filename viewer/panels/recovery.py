@@ -14,7 +14,8 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.messages import Messages
-from viewer.session.sessions import OPENING, Sessions, SessionSummary, describe
+from viewer.session.sessions import OPENING, Sessions, SessionSummary
+from viewer.session.summaries import describe
 
 WIDTH_PX, REPORT_HEIGHT_PX = 560.0, 220.0  # pixels at scale 1
 

@@ -19,7 +19,8 @@ from viewer.gui.widgets import px
 from viewer.panels.guide import Guide
 from viewer.panels.settings_panel import SettingsWindow
 from viewer.prompt.prompt_field import pressed_undo
-from viewer.session.sessions import Sessions, SessionSummary, describe, time_text
+from viewer.session.sessions import Sessions, SessionSummary
+from viewer.session.summaries import describe, time_text
 
 POPUP = "session menu"
 NAME_WIDTH = 110.0  # pixels at scale 1

@@ -21,7 +21,8 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.jobs import Slot
 from viewer.session.opening import open_file, open_reference
-from viewer.session.sessions import OPENING, Sessions, describe
+from viewer.session.sessions import OPENING, Sessions
+from viewer.session.summaries import describe
 from viewer.session.takes import Takes
 from viewer.settings import TAKE_ORDERS, Settings
 

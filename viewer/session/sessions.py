@@ -25,11 +25,11 @@ from runtime.takes.metadata import origin_of
 from runtime.takes.pose_edits import NO_EDITS
 from viewer.editor import Editor
 from viewer.gui.dialogs import DialogKind, Dialogs
-from viewer.gui.widgets import clock
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.prompt.prompt_controller import PromptController
 from viewer.scene.scene import Scene
+from viewer.session.summaries import count_takes, describe
 from viewer.session.takes import Takes
 from viewer.settings import CAMERAS, Settings, checked, remembered
 
@@ -65,31 +65,6 @@ def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
         place = Path(tempfile.mkdtemp(prefix="sport-"))
         file = SessionFile.create(library.new_path(place), place / "characters")
         return file, f"{error.problem} This session is in {file.path} until you save it elsewhere."
-
-
-def describe(summary: SessionSummary) -> str:
-    """Name, takes, length and time in a few words."""
-    return f"{summary.name}, {_contents(summary)}, {time_text(summary.saved_s)}"
-
-
-def time_text(since_1970_s: float) -> str:
-    """Day, month, hour and minute of a time."""
-    try:
-        return time.strftime("%d %b %H:%M", time.localtime(since_1970_s))
-    except (OverflowError, ValueError, OSError):  # of a clock that was far off
-        return "at an unknown time"
-
-
-def _contents(summary: SessionSummary) -> str:
-    if summary.damaged:
-        return "damaged"
-    if summary.takes:
-        return f"{_count(summary.takes)}, {clock(summary.seconds)}"
-    return f"{_count(summary.recordings)} to recover" if summary.recordings else "no takes"
-
-
-def _count(takes: int) -> str:
-    return f"{takes} take{'s' * (takes != 1)}"
 
 
 @dataclass
@@ -195,9 +170,9 @@ class Sessions:
             self._remember(path)
         self.earlier = [summary for summary in self.earlier if summary.path != path]
         more = f", and {file.unrecovered} under Lost takes" if file.unrecovered else ""
-        recovered = f"Recovered: {_count(file.recovered)}{more}." if file.recovered else ""
+        recovered = f"Recovered: {count_takes(file.recovered)}{more}." if file.recovered else ""
         wrong = [text for text in (said, recovered, file.repaired, self._unfinished(file)) if text]
-        text = said or f"{self.name}: {_count(len(history.present.session.takes))}."
+        text = said or f"{self.name}: {count_takes(len(history.present.session.takes))}."
         (self.messages.warn if wrong else self.messages.note)(" ".join(dict.fromkeys([text, *wrong])))
 
     def open_last(self) -> None:
@@ -266,7 +241,7 @@ class Sessions:
 
     def recover(self, *lost: LostTake) -> None:
         """Put lost takes with their edits into the list again."""
-        file, what = self.editor.file, lost[0].name if len(lost) == 1 else _count(len(lost))
+        file, what = self.editor.file, lost[0].name if len(lost) == 1 else count_takes(len(lost))
 
         def found(takes: list[Take]) -> None:
             self.editor.do(f"recovery of {what}", lambda session: reduce(edits.with_new_take, takes, session))
@@ -429,10 +404,7 @@ class Sessions:
         if empty:
             library.remove(file.path)
         elif not whole:
-            self.incomplete = True
-            problem, kept = file.problem or f"{file.path}: its disk is too slow.", file.database.handed_over
-            left = "Its last changes are lost." if kept is None else f"The next start adds what is in {kept}."
-            self.messages.error(f"{problem} {left}")
+            self._not_whole(file)
         elif self.path is None and file.path.parent != self.untitled_folder:
             self.incomplete = True
             self.messages.error(f"The session is in {file.path}.")
@@ -450,6 +422,12 @@ class Sessions:
         if text:
             file.set_meta(UNFINISHED, "")
         return text
+
+    def _not_whole(self, file: SessionFile) -> None:
+        self.incomplete = True
+        problem, kept = file.problem or f"{file.path}: its disk is too slow.", file.database.handed_over
+        left = "Its last changes are lost." if kept is None else f"The next start adds what is in {kept}."
+        self.messages.error(f"{problem} {left}")
 
 
 def _places(view: dict[str, Any]) -> dict[str, float]:

@@ -1,0 +1,34 @@
+"""What is said of a session that can be opened again: its name, its takes and when it was saved."""
+
+from __future__ import annotations
+
+import time
+
+from runtime.session.library import SessionSummary
+from viewer.gui.widgets import clock
+
+
+def describe(summary: SessionSummary) -> str:
+    """Name, takes, length and time in a few words."""
+    return f"{summary.name}, {_contents(summary)}, {time_text(summary.saved_s)}"
+
+
+def time_text(since_1970_s: float) -> str:
+    """Day, month, hour and minute of a time."""
+    try:
+        return time.strftime("%d %b %H:%M", time.localtime(since_1970_s))
+    except (OverflowError, ValueError, OSError):  # of a clock that was far off
+        return "at an unknown time"
+
+
+def _contents(summary: SessionSummary) -> str:
+    if summary.damaged:
+        return "damaged"
+    if summary.takes:
+        return f"{count_takes(summary.takes)}, {clock(summary.seconds)}"
+    return f"{count_takes(summary.recordings)} to recover" if summary.recordings else "no takes"
+
+
+def count_takes(takes: int) -> str:
+    """Return "1 take", "2 takes" and so on."""
+    return f"{takes} take{'s' * (takes != 1)}"

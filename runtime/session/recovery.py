@@ -17,6 +17,7 @@ from runtime.session.motion import MotionHeader
 from runtime.session.tables import checksum, put_rows, sealed
 
 MAX_HELD_FRAMES = 100_000  # of a session that hold the pose before them: half an hour
+MAX_MENDED_MOTIONS = 10_000  # at one opening: as many as a list of takes may hold; the next one goes on
 INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
 UNKNOWN_NAME, UNKNOWN_FPS = "Recovered take", 60.0  # of a motion whose header is lost
 Piece = tuple[str, int, int]  # key of the motion, number of the first frame, count
@@ -31,6 +32,8 @@ def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
     pieces: dict[str, list[Piece]] = {key: list(found) for key, found in groupby(rows, itemgetter(0))}
     changed = held = 0
     for key in dict.fromkeys(key.removesuffix(TAIL) for key in pieces):
+        if changed == MAX_MENDED_MOTIONS:
+            break
         gaps, fits = _gaps(pieces.get(key, []))
         if not fits:
             continue

@@ -74,7 +74,7 @@ SHARE_RANGE = (0.5, 1.5)  # of the fraction
 STRIDE_HALF_LIFE_S = 0.3  # seconds, half-life: about a step
 MIN_STRIDE_SPEED_M_PER_S = 0.3  # m/s: slower, feet may well rest
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
-STRETCH = (0.65, 1.1)
+STRETCH = (0.65, 1.18)
 # of the plan: a smoothed request below that is a start, which longer strides would overshoot
 SETTING_OFF_FRACTION = 0.5
 SETTLED_FRACTION = 0.9  # of the plan: until the smoothed request is there,

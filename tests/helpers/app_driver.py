@@ -116,7 +116,15 @@ def place(app: App, label: str, index: int = 0, share: float = 0.5) -> tuple[flo
 
 
 def click_on(app: App, label: str, index: int = 0) -> None:
-    click(app, *place(app, label, index))
+    """Click a widget where it is when the pointer has got there: a name that was just read may move what is beside it."""
+    spot = place(app, label, index)
+    for _ in range(5):
+        hand.mouse(app.window, *spot, 0 if app.frames_shown else None, False)
+        run(app, 2)
+        before, spot = spot, place(app, label, index)
+        if spot == before:
+            break
+    click(app, *spot)
 
 
 def click(app: App, x: float, y: float) -> None:

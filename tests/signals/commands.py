@@ -16,6 +16,7 @@ SPORT = (sys.executable, "-m", "sport")
 # shader caches of the driver, what finished runs leave too, and frames that are whole: each is what was asked for
 KEPT = re.compile(
     r"mesa_shader_cache|\.sport-batch\.lock|manifest\.jsonl|settings\.json|characters|^work/frames(/frame_\d+\.png)?$"
+    r"|^work/clips(/\d+\.bvh(\.json)?)?$|__pycache__"
 )
 
 _GENERATE = "generate --prompt zombie --seconds 2 --out"
@@ -36,8 +37,8 @@ COMMANDS: dict[str, str] = {
     },
     "restyle": "restyle take.bvh --prompt zombie --out out.bvh",
     "bench": "bench --frames 20 --json bench.json",
-    "evaluate": "evaluate --text --quick --json scores.json",
-    "study": "-m benchmarks.study make study --seconds 2",
+    "evaluate": "evaluate --clips capture --quick --styles neutral --seconds 2 --json scores.json",
+    "study": "-m benchmarks.study make study --model a=compact --model b=open --seconds 2",
 }
 
 

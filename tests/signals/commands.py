@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -37,7 +38,7 @@ COMMANDS: dict[str, str] = {
     },
     "restyle": "restyle take.bvh --prompt zombie --out out.bvh",
     "bench": "bench --frames 20 --json bench.json",
-    "evaluate": "evaluate --clips capture --quick --styles neutral --seconds 2 --json scores.json",
+    "evaluate": "evaluate --clips capture --quick --styles neutral --seconds 3 --json scores.json",
     "study": "-m benchmarks.study make study --model a=compact --model b=open --seconds 2",
 }
 
@@ -91,8 +92,8 @@ class Place:
         self.folder = folder
         for name in ("work", "home", "tmp"):
             (folder / name).mkdir(parents=True)
-        for path in inputs.iterdir() if inputs else ():
-            (folder / "work" / path.name).write_bytes(path.read_bytes())
+        if inputs:
+            shutil.copytree(inputs, folder / "work", dirs_exist_ok=True)
         self.before = self.files()
 
     def environment(self) -> dict[str, str]:

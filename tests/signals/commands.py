@@ -38,7 +38,7 @@ COMMANDS: dict[str, str] = {
     },
     "restyle": "restyle take.bvh --prompt zombie --out out.bvh",
     "bench": "bench --frames 20 --json bench.json",
-    "evaluate": "evaluate --clips capture --quick --styles neutral --seconds 3 --json scores.json",
+    "evaluate": "evaluate --clips capture --quick --styles neutral old --seconds 3 --json scores.json",
     "study": "-m benchmarks.study make study --model a=compact --model b=open --seconds 2",
 }
 

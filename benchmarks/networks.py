@@ -29,7 +29,7 @@ from runtime.assets import PROJECT_ROOT
 from runtime.atomic import temporary_folder
 from runtime.errors import UsageError, run_command
 from runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
-from training.evaluation.experiment import MODEL, Arguments, Experiment, Setting, entry, option
+from training.evaluation.experiment import Arguments, Experiment, Setting, entry, option
 from training.markdown import table as markdown_table
 
 Feed = dict[str, Float32Array]
@@ -231,7 +231,7 @@ NETWORKS = Experiment(
     figures_of,
     table,
     lambda args: f"networks {args.preset or Setting(args).folders[0].name}",
-    options=(MODEL, option("--preset", help="random weights of this preset")),
+    options=("model", option("--preset", help="random weights of this preset")),
     check=_check,
 )
 main = entry(NETWORKS, "python -m benchmarks.networks")

@@ -122,7 +122,8 @@ def train_row(args: argparse.Namespace, out: Path, name: str, seed: int) -> None
     """
     row, folder = TRAINED_ROWS[name], out / name / f"seed{seed}"
     recipe = {**asdict(row), "seed": seed, **_numbers(args, row)}
-    known = _known(folder / RECIPE)
+    stored = folder / RECIPE
+    known = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else {}
     if known.pop("trained", False) and known == recipe:
         log.info("%s, seed %d: already trained", name, seed)
         return
@@ -142,10 +143,6 @@ def _numbers(args: argparse.Namespace, row: TrainedRow) -> dict[str, Any]:
     if row.method:
         return {"steps": args.baseline_steps}
     return {name: getattr(args, name) for name in ("preset", *(f"{s}_steps" for s in STAGES), "batch")}
-
-
-def _known(path: Path) -> dict[str, Any]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
 def _keep(folder: Path, recipe: dict[str, Any], trained: bool) -> None:

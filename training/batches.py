@@ -194,11 +194,7 @@ class Normalisation:
         return normalised(x, self.x_mean, self.x_deviation, self.x_limit)
 
     def to(self, device: torch.device) -> Normalisation:
-        return Normalisation(*(t.to(device) for t in self.tensors().values()))
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Field names to tensors."""
-        return dict(vars(self))
+        return Normalisation(*(t.to(device) for t in vars(self).values()))
 
 
 def normalised(x: Tensor, mean: Tensor, deviation: Tensor, limit: Tensor) -> Tensor:

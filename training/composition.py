@@ -26,7 +26,7 @@ from training.augmentation.gait import left_landings, step_phase
 from training.frames import FIRST_OF_UPPER as FIRST
 from training.frames import FIXED_POINT_SCALE, LAYERED, FrameTable, smooth
 from training.gpu import constant, rows_of
-from training.kinematics import matrices
+from training.kinematics import bone_chains, matrices, turned_back
 from training.styles import StyleTexts
 
 PARTS = ("left_arm", "right_arm", "torso", "head")  # that can come from another clip
@@ -169,8 +169,12 @@ class Composer:
         # of pairs of edits that never enter training together: both their parts, and both their keys
         self.forbidden = torch.as_tensor(_forbidden(texts), device=device).view(-1, 2, 2)
         self._captured, self._edited = _givers(table, texts, device)
-        chains, offsets, parents = _upper_chains(device)
-        self._chains, self._offsets, self._parents = chains, offsets, parents
+        chains, offsets = bone_chains(device)
+        # of the upper joints; their parents among the hips (0) and these (from 1)
+        self._chains, self._offsets = chains[FIRST:, FIRST:], offsets[FIRST:]
+        self._parents = torch.as_tensor(
+            [max(p - FIRST + 1, 0) for p in SPORT_SKELETON.parents[FIRST:]], device=device
+        )
 
     # --- plans --------------------------------------------------------------------------------------------------------
 
@@ -264,7 +268,7 @@ class Composer:
             at = slice(k * len(rows), (k + 1) * len(rows))
             y = self.y[rows - k].float()
             turn = self.y[rows - k - 1][:, OUTPUT["root"]][:, 2].float() / FPS
-            moved = (from_hips[k] - _turned_back(from_hips[k + 1], turn)) * FPS
+            moved = (from_hips[k] - turned_back(from_hips[k + 1], turn)) * FPS
             velocities = moved + y[:, OUTPUT["joint_velocities"]][:, None, :3]
             result.append(UpperBodyPose(turned[at], positions[at, 1:], velocities[:, 1:]))
         return result
@@ -308,28 +312,6 @@ class Composer:
         bones = (world[:, self._parents] @ self._offsets[:, :, None])[..., 0]
         positions = hips[:, None] + torch.cat([torch.zeros_like(bones[:, :1]), self._chains @ bones], dim=1)
         return torch.cat([turned[..., 0], turned[..., 1]], dim=-1), positions
-
-
-def _turned_back(vectors: Tensor, turn: Tensor) -> Tensor:
-    """Vectors `(B, n, 3)` seen from a root that has turned by `turn` `(B,)` meanwhile."""
-    c, s = turn.cos()[:, None], turn.sin()[:, None]
-    x, y, z = vectors.unbind(-1)
-    return torch.stack([c * x - s * z, y, s * x + c * z], dim=-1)
-
-
-def _upper_chains(device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
-    """Which bones `(20, 20)` lead from the hips to each upper joint, their offsets `(20, 3)`, and their parents among
-    the hips (0) and the upper joints (from 1)."""
-    chains = torch.zeros(UPPER, UPPER)
-    parents = []
-    for joint in range(FIRST, J):
-        parent = SPORT_SKELETON.parents[joint]
-        if parent >= FIRST:
-            chains[joint - FIRST] = chains[parent - FIRST]
-        chains[joint - FIRST, joint - FIRST] = 1.0
-        parents.append(max(parent - FIRST + 1, 0))
-    offsets = torch.as_tensor(SPORT_SKELETON.offsets[FIRST:], dtype=torch.float32)
-    return chains.to(device), offsets.to(device), torch.as_tensor(parents, device=device)
 
 
 def weighted(cumulative: Tensor, size: tuple[int, ...]) -> Tensor:

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -23,17 +23,15 @@ from runtime import rotations
 from runtime.arrays import Array, Float32Array
 from runtime.controls import Gait
 from runtime.errors import FileError
-from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, INPUT
 from runtime.motion.model import MotionModel
 from runtime.motion.style import Style
-from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.data.clips import Patches, TrainingClip
+from training.evaluation.metrics.motion import Motion
 from training.evaluation.metrics.traversal import first_problem
-from training.evaluation.motion.driving import walked
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
-from training.evaluation.on_obstacles import along_the_middle
+from training.evaluation.on_obstacles import along_the_middle, at_start, walked_to
 
 log = logging.getLogger("sport.train")
 
@@ -70,17 +68,8 @@ class LevelSight(MotionModel):
         return super().step(level, noise, style)
 
 
-@dataclass(frozen=True)
-class Course:
-    """Made ground along +Z from a level start, and what lies on it."""
-
-    kind: str
-    terrain: Terrain
-    straight: bool  # the way stays in the middle
-
-
-def random_course(kind: str, generator: np.random.Generator) -> Course:
-    """A course of one of `KINDS`."""
+def random_course(kind: str, generator: np.random.Generator) -> Terrain:
+    """Made ground of one of `KINDS`, its name, along +Z from a level start."""
     nx, nz = round(2 * HALF_WIDTH_M / CELL_M) + 1, round((LENGTH_M + 6.0) / CELL_M) + 1
     x = (np.arange(nx) * CELL_M - HALF_WIDTH_M)[:, None]
     z = (np.arange(nz) * CELL_M - 3.0)[None, :]
@@ -88,8 +77,7 @@ def random_course(kind: str, generator: np.random.Generator) -> Course:
     {"obstacles": _obstacles, "stairs": _stairs, "beam": _beam, "slopes": _slopes}[kind](
         heights, x, z, generator
     )
-    terrain = Terrain(kind, heights.astype(np.float32), CELL_M, (-HALF_WIDTH_M, -3.0))
-    return Course(kind, terrain, kind == "beam")
+    return Terrain(kind, heights.astype(np.float32), CELL_M, (-HALF_WIDTH_M, -3.0))
 
 
 def _obstacles(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
@@ -157,38 +145,20 @@ def _slopes(heights: Array, x: Array, z: Array, generator: np.random.Generator) 
     heights += (field - field[:, :1]) * steepest / slope * start
 
 
-@dataclass(frozen=True)
-class Walked:
-    """One character on one course."""
-
-    course: Course
-    style: str
-    gait: Gait
-    hips: Array
-    local: Array
-    contacts: Array
-    positions: Array
-
-
-def walk(model: MotionModel, course: Course, style: str, code: Array, gait: Gait, seed: int) -> Walked:
+def walk(model: MotionModel, course: Terrain, style: str, code: Array, gait: Gait, seed: int) -> Motion:
     """Led along a course by the stick alone, until its end or the time is up."""
     generator = np.random.default_rng(seed)
-    seen = model if course.kind == "slopes" else LevelSight.of(model)
-    controller = Controller(seen, course.terrain, seed)
-    controller.set_style(code, 0.0)
-    controller.reset()
-    controller.settle()
-    side = 0.0 if course.straight else generator.uniform(-SIDE_M, SIDE_M)
+    seen = model if course.name == "slopes" else LevelSight.of(model)
+    side = 0.0 if course.name == "beam" else generator.uniform(-SIDE_M, SIDE_M)
     amount, wave = generator.uniform(0.75, 1.0), generator.uniform(5.0, 12.0)
     stick = partial(
         along_the_middle, gait=gait, amount=amount, side=lambda z: side * np.sin(2.0 * np.pi * z / wave)
     )
     frames = round(60.0 * MAX_WALK_MINUTES * FPS)
-    (track,) = walked([controller], stick, frames, lambda member: member.pose.root_position[2] > LENGTH_M)
-    motion = track.motion(f"{style} {course.kind}", style, gait)
+    track = walked_to(LENGTH_M, at_start(seen, course, code, seed), stick, frames)
+    motion = track.motion(f"{style} {course.name}", style, gait)
     hips, local = smoothed(motion.hips, motion.local, motion.positions)
-    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
-    return Walked(course, style, gait, hips, local, motion.contacts, positions)
+    return replace(motion, hips=hips, local=local)
 
 
 def smoothed(hips: Array, local: Array, positions: Array) -> tuple[Array, Array]:
@@ -210,18 +180,15 @@ def smoothed(hips: Array, local: Array, positions: Array) -> tuple[Array, Array]
     return hips + weight[:, None] * (low - hips), mixed
 
 
-def passes(walked: Walked, piece: slice) -> str:
+def passes(walked: Motion, piece: slice) -> str:
     """The first check that a stretch does not pass; empty where it passes all."""
     positions = walked.positions[piece]
-    problem = first_problem(positions, walked.course.terrain, MAX_ACCELERATION_M_PER_S2)
-    if problem:
-        return problem
-    if np.linalg.norm(positions[-1, 0] - positions[0, 0]) < 0.2 * PIECE_S:
-        return "stands"
-    return ""
+    stands = np.linalg.norm(positions[-1, 0] - positions[0, 0]) < 0.2 * PIECE_S
+    problem = first_problem(positions, walked.terrain, MAX_ACCELERATION_M_PER_S2)
+    return problem or ("stands" if stands else "")
 
 
-def kept(walked: Walked, name: str, seen: Counter[str]) -> Iterator[TrainingClip]:
+def kept(walked: Motion, name: str, seen: Counter[str]) -> Iterator[TrainingClip]:
     """The stretches of a walk that pass, neighbours joined, each with its ground; `seen` counts the checks."""
     length = round(PIECE_S * FPS)
     run: list[int] = []
@@ -229,7 +196,7 @@ def kept(walked: Walked, name: str, seen: Counter[str]) -> Iterator[TrainingClip
     for first in [*starts, -1]:
         problem = "end" if first < 0 else passes(walked, slice(max(first - 1, 0), first + length + 1))
         if first >= 0:
-            seen[f"{walked.course.kind} {problem or 'kept'}"] += 1
+            seen[f"{walked.terrain.name} {problem or 'kept'}"] += 1
         if not problem and len(run) < 3:
             run.append(first)
             continue
@@ -238,17 +205,15 @@ def kept(walked: Walked, name: str, seen: Counter[str]) -> Iterator[TrainingClip
         run = [] if problem else [first]
 
 
-def _clip(walked: Walked, piece: slice, name: str) -> TrainingClip:
-    count = piece.stop - piece.start
-    gait = np.zeros((count, len(Gait)), np.float32)
-    gait[:, walked.gait] = 1.0
-    hips, terrain = walked.hips[piece], walked.course.terrain
+def _clip(walked: Motion, piece: slice, name: str) -> TrainingClip:
+    gait = np.eye(len(Gait), dtype=np.float32)[walked.gait[piece]]
+    hips, terrain = walked.hips[piece], walked.terrain
     first = max(0, int((hips[:, 2].min() - 3.5 - terrain.origin[1]) / CELL_M))
     last = int((hips[:, 2].max() + 4.5 - terrain.origin[1]) / CELL_M)
     patches = Patches(
         terrain.heights[None, :, first:last], (terrain.origin[0], terrain.origin[1] + first * CELL_M), CELL_M
     )
-    content = f"{walked.gait.label} over {walked.course.kind}"
+    content = f"{Gait(int(walked.gait[0])).label} over {terrain.name}"
     contacts = (walked.contacts[piece] > 0.5).astype(np.uint8)
     return TrainingClip(
         name, hips, walked.local[piece], contacts, gait, walked.style, content, SOURCE, "train", "exact", patches

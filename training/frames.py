@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from runtime import rotations
 from runtime.arrays import Array
@@ -20,7 +21,7 @@ from runtime.motion import features
 from runtime.motion.features import FPS, InputParts, OutputParts
 from runtime.safe_read import open_npz
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
-from runtime.terrain.height_map import Terrain
+from training.data.clips import Patches
 
 PAD = 61  # frames of extrapolated root path at each end of a clip
 FACING_SIGMA_FRAMES = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
@@ -52,13 +53,9 @@ class ClipFrames:
 
 def smooth(values: Array, sigma: float) -> Array:
     """Gaussian smoothing along axis 0 with repeated edges."""
-    reach = int(3 * sigma)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    kernel /= kernel.sum()
-    padded = np.concatenate([np.repeat(values[:1], reach, 0), values, np.repeat(values[-1:], reach, 0)])
-    flat = padded.reshape(len(padded), -1)
-    out = np.stack([np.convolve(flat[:, k], kernel, "valid") for k in range(flat.shape[1])], axis=1)
-    return out.reshape(values.shape)
+    return gaussian_filter1d(
+        np.asarray(values, np.float64), sigma, axis=0, mode="nearest", radius=int(3 * sigma)
+    )
 
 
 def extrapolate(path: Array, pad: int = PAD) -> Array:
@@ -82,8 +79,8 @@ def root_motion(positions: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class _Course:
-    """Where a clip's root goes: every frame's path `(T, 2)`, yaw `(T,)`, and the same with padded ends."""
+class RootPath:
+    """Where a motion's root goes: every frame's place `(T, 2)`, yaw `(T,)`, and the same with padded ends."""
 
     root: Array
     yaw: Array
@@ -91,9 +88,9 @@ class _Course:
     padded_yaw: Array
 
     @staticmethod
-    def of(positions: Array) -> _Course:
+    def of(positions: Array) -> RootPath:
         root, yaw = root_motion(positions)
-        return _Course(root, yaw, extrapolate(root), repeat_ends(yaw[:, None])[:, 0])
+        return RootPath(root, yaw, extrapolate(root), repeat_ends(yaw[:, None])[:, 0])
 
     @property
     def directions(self) -> Array:
@@ -110,6 +107,14 @@ class _Course:
         """Rows of the 12 samples around each frame."""
         return self.now[:, None] + features.TRAJECTORY_OFFSETS
 
+    @property
+    def velocity(self) -> Array:
+        """Way and turn of the root to the next frame `(T, 3)`, as the root sees it: m/s in x and z, rad/s."""
+        following = self.now + 1
+        displacement = features.to_root(self.padded_root[following] - self.root, self.yaw)
+        turn = self.padded_yaw[following] - self.yaw
+        return np.concatenate([displacement, turn[:, None]], 1) * FPS
+
 
 def clip_frames(path: Path) -> ClipFrames:
     """Read one clip file of the importer and build its frames."""
@@ -117,8 +122,8 @@ def clip_frames(path: Path) -> ClipFrames:
         clip = {key: file[key] for key in file.files}
     hips, local = clip["hips_positions"].astype(np.float64), clip["local_rotations"]
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local.astype(np.float64))
-    course = _Course.of(positions)
-    heights, ground = _heights(clip, course)
+    course = RootPath.of(positions)
+    heights, ground = _heights(Patches.of(clip), course)
     joints, velocity = _joints(positions, course)
     previous = np.maximum(np.arange(len(hips)) - 1, 0)
     gait = repeat_ends(clip["gait"].astype(np.float32))
@@ -141,37 +146,34 @@ def clip_frames(path: Path) -> ClipFrames:
     )
 
 
-def _heights(clip: dict[str, Array], course: _Course) -> tuple[Array, Array]:
+def _heights(patches: Patches, path: RootPath) -> tuple[Array, Array]:
     """Of every patch of ground under a clip: heights `(T, K, 36)` relative to the window's mean ground `(T, K)`."""
-    places, ways = course.padded_root[course.window], course.directions[course.window]
-    patches = clip["patch_heights"].astype(np.float32)[:MAX_PATCHES]
-    origin, cell = clip["patch_origin"], float(clip["patch_cell"])
+    places, ways = path.padded_root[path.window], path.directions[path.window]
     heights, ground = [], []
-    for patch in patches:
-        terrain = Terrain("patch", patch, cell, (float(origin[0]), float(origin[1])))
-        _, sampled = features.sampled_heights(terrain, places, ways)
+    for k in range(min(len(patches.heights), MAX_PATCHES)):
+        _, sampled = features.sampled_heights(patches.terrain(k), places, ways)
         ground.append(features.ground_height(sampled))
-        heights.append((sampled - ground[-1][:, None, None]).reshape(len(course.root), -1))
+        heights.append((sampled - ground[-1][:, None, None]).reshape(len(path.root), -1))
     return np.stack(heights, 1), np.stack(ground, 1)
 
 
-def _joints(positions: Array, course: _Course) -> tuple[Array, Array]:
+def _joints(positions: Array, path: RootPath) -> tuple[Array, Array]:
     """Joints and their velocities (m/s), both `(T, 31, 3)` as the root sees them."""
     length = len(positions)
-    joints = features.relative_joints(positions, course.root, np.zeros(length), course.yaw)
+    joints = features.relative_joints(positions, path.root, np.zeros(length), path.yaw)
     velocity = np.gradient(positions, axis=0) if length < 3 else np.diff(positions, axis=0, prepend=0)
     velocity[0] = velocity[1]
-    return joints, features.to_root(velocity * FPS, course.yaw[:, None])
+    return joints, features.to_root(velocity * FPS, path.yaw[:, None])
 
 
-def _inputs(course: _Course, gait: Array, joints: Array, velocity: Array) -> Array:
+def _inputs(path: RootPath, gait: Array, joints: Array, velocity: Array) -> Array:
     """x without heights and phase `(T, 342)`; joints and velocities are those of the frame before."""
-    length, window = len(course.root), course.window
+    length, window = len(path.root), path.window
     parts = InputParts(
-        root_position=course.root,
-        root_yaw=course.yaw,
-        trajectory_positions=course.padded_root[window],
-        trajectory_directions=course.directions[window],
+        root_position=path.root,
+        root_yaw=path.yaw,
+        trajectory_positions=path.padded_root[window],
+        trajectory_directions=path.directions[window],
         heights=np.zeros((length, features.L, 3)),
         gait=gait[window],
         phase=np.zeros((length, features.L + 1, features.C, 2)),
@@ -181,24 +183,22 @@ def _inputs(course: _Course, gait: Array, joints: Array, velocity: Array) -> Arr
     return features.build_input(parts)[:, : features.MOTION_INPUT_SIZE]
 
 
-def _outputs(course: _Course, joints: Array, velocity: Array, contacts: Array, world: Array) -> Array:
+def _outputs(path: RootPath, joints: Array, velocity: Array, contacts: Array, world: Array) -> Array:
     """y without phase `(T, 473)`; `world` are the joints' rotations."""
-    now = course.now
+    now = path.now
     following = now[:, None] + 1 + features.FUTURE_OFFSETS
-    next_root, next_yaw = course.padded_root[now + 1], course.padded_yaw[now + 1]
-    displacement = features.to_root(next_root - course.root, course.yaw) * FPS
-    turn = (next_yaw - course.yaw) * FPS
+    next_root, next_yaw = path.padded_root[now + 1], path.padded_yaw[now + 1]
     parts = OutputParts(
         trajectory_positions=features.to_root(
-            course.padded_root[following] - next_root[:, None], next_yaw[:, None]
+            path.padded_root[following] - next_root[:, None], next_yaw[:, None]
         ),
-        trajectory_directions=features.to_root(course.directions[following], next_yaw[:, None]),
+        trajectory_directions=features.to_root(path.directions[following], next_yaw[:, None]),
         joint_positions=joints,
         joint_velocities=velocity,
-        root=np.concatenate([displacement, turn[:, None]], 1),
+        root=path.velocity,
         contacts=contacts,
         phase=np.zeros((len(now), 7, features.C, 2)),
-        joint_rotations=features.relative_rotations(world, course.yaw),
+        joint_rotations=features.relative_rotations(world, path.yaw),
     )
     return features.build_output(parts)
 

@@ -21,7 +21,7 @@ def shown_joints(y: Tensor) -> Tensor:
     The hips stand where y's positions have them; the other joints follow from the rotations on the fixed skeleton, as
     in `Controller._pose`.
     """
-    chains, offsets = _skeleton(y.device)
+    chains, offsets = bone_chains(y.device)
     turned = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6)))
     parents = constant(_PARENTS, y.device)
     bones = (turned[:, parents] @ offsets[:, :, None])[..., 0]
@@ -37,7 +37,7 @@ def knee_flexion(y: Tensor) -> Tensor:
     turned = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6)))
     knees = constant(KNEES, y.device)
     thighs = constant([_PARENTS[knee] for knee in KNEES], y.device)
-    _, offsets = _skeleton(y.device)
+    _, offsets = bone_chains(y.device)
     shins = (turned[:, knees] @ offsets[knees + 1].to(y)[:, :, None])[..., 0]
     seen = (turned[:, thighs].transpose(-1, -2) @ shins[..., None])[..., 0]  # from the thigh
     return torch.atan2(-seen[..., 2], -seen[..., 1])
@@ -75,6 +75,13 @@ def turns(y: Tensor, joints: Tensor) -> Tensor:
     return torch.cat([trunk, torch.stack(gaze, dim=1), torch.atan2(ahead[..., 0], ahead[..., 2])], dim=1)
 
 
+def turned_back(vectors: Tensor, turn: Tensor) -> Tensor:
+    """Vectors `(B, n, 3)` seen from a root that has turned by `turn` `(B,)` meanwhile."""
+    c, s = turn.cos()[:, None], turn.sin()[:, None]
+    x, y, z = vectors.unbind(-1)
+    return torch.stack([c * x - s * z, y, s * x + c * z], dim=-1)
+
+
 def matrices(d: Tensor) -> Tensor:
     """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt, as `rotations.from_6d`."""
     x = normalize(d[..., :3], dim=-1)
@@ -84,7 +91,7 @@ def matrices(d: Tensor) -> Tensor:
 
 
 @lru_cache(2)
-def _skeleton(device: torch.device) -> tuple[Tensor, Tensor]:
+def bone_chains(device: torch.device) -> tuple[Tensor, Tensor]:
     """Which bones `(31, 31)` lead from the hips to each joint, and their offsets `(31, 3)`; the hips' own is zero."""
     chains = torch.zeros(J, J)
     for joint, parent in enumerate(SPORT_SKELETON.parents):

@@ -21,7 +21,7 @@ from runtime.motion.features import FPS, INPUT, OUTPUT, TRAJECTORY_OFFSETS, L
 from training.batches import FrameTensors, RandomRows
 from training.composition import CompositionPlan
 from training.gpu import constant, rows_of
-from training.kinematics import TURNS, shown_joints, turns
+from training.kinematics import TURNS, shown_joints, turned_back, turns
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
@@ -120,11 +120,8 @@ class RolloutLanes:
         ground = (
             self.frames.previous_ground[self.rows, self.patch] - self.frames.ground[self.rows, self.patch]
         )
-        x, y, z = joints.unbind(-1)
-        x, z = x - root[:, 0:1], z - root[:, 1:2]
-        turn = root[:, 2:3]
-        c, s = turn.cos(), turn.sin()
-        return torch.stack([c * x - s * z, y + ground[:, None], s * x + c * z], -1)
+        moved = torch.stack([-root[:, 0], ground, -root[:, 1]], dim=1)
+        return turned_back(joints + moved[:, None], root[:, 2])
 
     def swings(self, own: Tensor, captured: Tensor) -> tuple[Tensor, Tensor]:
         """How far `movements` of lanes and clips have gone in `SWING_FRAMES`. Of no meaning for younger lanes."""
@@ -159,7 +156,8 @@ class RolloutLanes:
         shown = shown_joints(y)
         self.pose["joint_positions"].copy_(shown.flatten(1))
         self.pose["joint_velocities"].copy_(y[:, OUTPUT["joint_velocities"]])
-        moved = torch.stack([movements(y, shown), movements(target, captured_joints(target))])
+        captured = target[:, OUTPUT["joint_positions"]].unflatten(1, (-1, 3))
+        moved = torch.stack([movements(y, shown), movements(target, captured)])
         self._history.copy_(torch.cat([self._history[:, 1:], moved[:, None]], dim=1))
         samples = y[:, OUTPUT["phase"]].unflatten(1, (-1, 2 * features.C))
         self.phase.copy_(torch.cat([self.phase[:, 1 : PRESENT + 1], _dense(samples)], dim=1))
@@ -200,11 +198,6 @@ class RolloutLanes:
 
 
 _STATE = ("rows", "patch", "phase", "age", "_history", "_energy", "_offset")
-
-
-def captured_joints(y: Tensor) -> Tensor:
-    """The joints `(B, 31, 3)` that real-valued y `(B, 473)` states."""
-    return y[:, OUTPUT["joint_positions"]].unflatten(1, (-1, 3))
 
 
 def movements(y: Tensor, joints: Tensor) -> Tensor:

@@ -26,22 +26,10 @@ from training.ablations import check as check_training
 from training.ablations import give_way, train_row
 from training.evaluation import log
 from training.evaluation.command import check_seconds, plan_of
-from training.evaluation.experiment import (
-    CLIPS,
-    MODEL,
-    MODELS,
-    PLAN,
-    SECONDS,
-    SEED,
-    Arguments,
-    Experiment,
-    Setting,
-    option,
-    read_json,
-)
+from training.evaluation.experiment import PLAN, Arguments, Experiment, Setting, option, read_json
 from training.evaluation.metrics.features import joined
 from training.evaluation.metrics.frechet import compare
-from training.evaluation.motion.capture import OVERALL_COMPONENTS, TERRAIN_GROUP, EvaluationPlan
+from training.evaluation.motion.capture import OVERALL_COMPONENTS, EvaluationPlan
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.evaluation.motion.scores import score_following, score_held_out, score_model
 from training.evaluation.motion.tables import mean, mean_skating
@@ -129,11 +117,11 @@ def _recognised(scores: dict[str, float]) -> Cells:
 def capture_cells(plan: EvaluationPlan) -> Cells:
     """The same of the capture: one half of its takes against the other, and its held-out clips."""
     held_out = score_held_out(plan)
-    reference = joined([plan.reference[g] for g in plan.groups if g != TERRAIN_GROUP])
+    reference = joined([plan.reference[style] for style in plan.styles])
     cells = {}
     for name in plan.feature_sets:
         rows = plan.projection(name, OVERALL_COMPONENTS)(reference.of(name))
-        cells[f"fmd_{name}"] = compare(rows, rows, reference.unit).takes.reference
+        cells[f"fmd_{name}"] = compare(rows, rows, reference.unit)["takes"]["reference"]
     soles, _, formula = mean_skating(held_out["skating"])
     recognised = _recognised(held_out["recognition"]["score"])
     return cells | {"skating_formula": formula, "skating_soles": soles, **recognised}
@@ -144,9 +132,11 @@ def table_one(setting: Setting) -> dict[str, Any]:
     args, options = setting.args, _options(setting)
     store = args.store or (None if args.runs is None else args.runs / "table1.json")
     kept = {"options": options, "cells": _stored(store, options)}
+    trained = ROWS if args.runs is not None else ()
+    rows = [(CAPTURE, None), (SHIPPED, None), *((row.title, row) for row in trained)]
     for seed in args.seeds:
         plan = None  # made when the first row needs it
-        for title, row in _rows(args):
+        for title, row in rows:
             if str(seed) in kept["cells"].get(title, {}):
                 continue
             folder = model_of(setting, row, seed)
@@ -154,24 +144,14 @@ def table_one(setting: Setting) -> dict[str, Any]:
                 continue
             log.info(f"{title}, seed {seed}")
             plan = plan or plan_of(setting, seed)
-            cells = _scored(setting, plan, None if title == CAPTURE else folder)
+            if title == CAPTURE:
+                cells = capture_cells(plan)
+            else:
+                cells = cells_of(score_model(plan, EvaluatedModel(folder, plan.texts)))
             kept["cells"].setdefault(title, {})[str(seed)] = cells
             if store is not None:
                 write_atomic(store, json.dumps(kept, indent=1) + "\n")
     return kept
-
-
-def _rows(args: Arguments) -> list[tuple[str, TableRow | None]]:
-    """Titles with what is trained for them: nothing for the capture and the shipped model."""
-    trained = ROWS if args.runs is not None else ()
-    return [(CAPTURE, None), (SHIPPED, None), *((row.title, row) for row in trained)]
-
-
-def _scored(setting: Setting, plan: EvaluationPlan, folder: Path | None) -> Cells:
-    """Of a model, or of the capture itself where there is none."""
-    if folder is None:
-        return capture_cells(plan)
-    return cells_of(score_model(plan, EvaluatedModel(folder, plan.texts)))
 
 
 def _options(setting: Setting) -> dict[str, Any]:
@@ -232,8 +212,8 @@ TABLE1 = Experiment(
     "table 1",
     needs=("clips",),
     options=(
-        CLIPS,
-        MODEL,
+        "clips",
+        "model",
         option("--runs", type=Path, metavar="DIR", help="folder of trained rows: DIR/<row>/seed<k>/model"),
         option("--store", type=Path, metavar="FILE", help="figures so far (default: RUNS/table1.json)"),
         option("--seeds", type=int, nargs="+", default=[0, 1, 2], help="default: 0 1 2"),
@@ -242,7 +222,7 @@ TABLE1 = Experiment(
         ),
         *TRAINING_OPTIONS,
         *PLAN,
-        SECONDS,
+        "seconds",
     ),
     check=check_table_one,
 )
@@ -292,10 +272,10 @@ DISTANCES = Experiment(
     "distances",
     needs=("clips",),
     options=(
-        CLIPS,
-        MODELS,
+        "clips",
+        "models",
         *PLAN,
-        SEED,
+        "seed",
         option("--seconds", type=float, default=12.0, help="of each style's paths (default: 12)"),
     ),
     check=check_seconds,

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,12 +23,12 @@ from runtime.errors import UsageError
 from runtime.motion.features import FPS
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-
-if TYPE_CHECKING:
-    from training.evaluation.metrics.motion import Motion
-    from training.evaluation.motion.capture import ClipInfo
-    from training.evaluation.motion.evaluated_model import EvaluatedModel
-    from training.evaluation.on_obstacles import ObstacleCourse
+from training.evaluation.metrics.motion import Motion, load_motion
+from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo, read_capture
+from training.evaluation.motion.driving import flat_ground, follow
+from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
+from training.evaluation.on_obstacles import COURSES, ObstacleCourse, run_obstacles
+from training.evaluation.text.walks import straight_walks
 
 Report = Callable[[str], None]
 
@@ -134,10 +133,6 @@ def draw(scene: Scene) -> bytes:
 
 def _scenes(methods: dict[str, Path], clips: Path | None, seconds: float) -> Iterator[Scene]:
     """Every motion by every method, one after the other."""
-    from training.evaluation.motion.capture import TERRAIN_GROUP, read_capture
-    from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
-    from training.evaluation.on_obstacles import COURSES
-
     models = {name: EvaluatedModel(folder, style_texts()) for name, folder in methods.items()}
     capture = [] if clips is None else [c for c in read_capture(clips).clips if c.group != TERRAIN_GROUP]
     capture.sort(key=lambda clip: not clip.held_out)
@@ -164,8 +159,6 @@ def _style_scenes(
 
 def _captured_walk(capture: Iterable[ClipInfo], style: str) -> Motion | None:
     """The middle of a walk ahead in a style."""
-    from training.evaluation.metrics.motion import load_motion
-
     walks = (c.path for c in capture if c.style == style and c.content == "walk forward")
     path = next(walks, None)
     return None if path is None else _middle(load_motion(path), 6.0)
@@ -194,8 +187,6 @@ def _over(
     evaluated: EvaluatedModel, course: ObstacleCourse, gait: Gait, seconds: float
 ) -> tuple[Clip, Terrain]:
     """A character over one obstacle of a course, from a little before it."""
-    from training.evaluation.on_obstacles import run_obstacles
-
     number = SHOWN.get(course.name, 0)
     shown = course.obstacles[number]
     upto = replace(course, obstacles=course.obstacles[: number + 1])
@@ -211,9 +202,6 @@ def _in_style(
     evaluated: EvaluatedModel, style: str, path: Motion | None, seconds: float
 ) -> tuple[Clip, Terrain]:
     """A walk in a style along a captured path, or straight ahead."""
-    from training.evaluation.motion.driving import flat_ground, follow
-    from training.evaluation.text.walks import straight_walks
-
     z = evaluated.style(style, 0)
     if path is None:
         (walk,) = straight_walks(evaluated.model, [z], seconds)
@@ -224,8 +212,6 @@ def _in_style(
 
 def _captured_obstacles(capture: Iterable[ClipInfo], course: str, count: int) -> list[Motion]:
     """Captured motion over an obstacle of this kind that goes somewhere."""
-    from training.evaluation.metrics.motion import load_motion
-
     if course not in CAPTURED:
         return []
     motions = (load_motion(c.path) for c in capture if CAPTURED[course] in c.content)

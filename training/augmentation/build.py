@@ -83,9 +83,7 @@ def build_layer(
         source=source.source,
         split="train",
         tier=LAYERED,
-        patches=relief.fit_around_steps(motion.joints[0], motion.contacts, random)
-        if any(e.does.moves_feet for e in edits)
-        else _near(source.patches, motion.hips),
+        patches=_ground(source, motion, edits, random),
         mirrored=source.mirrored,
     )
     entry = {
@@ -170,6 +168,15 @@ def walks_on_a_floor(motion: EditedMotion) -> bool:
     return bool(
         gone.sum() > LEAST_M_PER_S * len(gone) / features.FPS and along.sum() > FORWARD_FRACTION * gone.sum()
     )
+
+
+def _ground(
+    source: Source, motion: EditedMotion, edits: list[PartEdit], random: np.random.Generator
+) -> Patches:
+    """The clip's own ground; relief around the steps of feet that were put elsewhere."""
+    if any(e.does.moves_feet for e in edits):
+        return relief.fit_around_steps(motion.joints[0], motion.contacts, random)
+    return _near(source.patches, motion.hips)
 
 
 def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:

@@ -38,8 +38,7 @@ def load_source(path: Path) -> Source:
     """Read an imported clip."""
     with open_npz(path, "Run the importer again.") as file:
         clip = {k: file[k] for k in file.files}
-    x, z = map(float, clip["patch_origin"])
-    patches = Patches(clip["patch_heights"], (x, z), float(clip["patch_cell"]))
+    patches = Patches.of(clip)
     motion = EditedMotion(
         clip["hips_positions"].astype(np.float64),
         clip["local_rotations"].astype(np.float64),

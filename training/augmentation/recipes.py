@@ -92,19 +92,28 @@ def _go_together(one: PartEdit, other: PartEdit) -> bool:
 def _drawn(slot: str, chosen: list[PartEdit], random: np.random.Generator, standing: bool) -> list[PartEdit]:
     """An edit of a slot, at times with the same of the other side; none that describes a part of those `chosen`."""
     edits = _edits_of_legs(random, standing) if slot == "legs" else _edits_of(slot)
-    edits = [e for e in edits if not standing or _shows_standing(e)]
+    if standing:
+        edits = [e for e in edits if _shows_standing(e)]
     if not edits:
         return []
-    weights = np.array([_MOVEMENT_WEIGHT if e.measure[1] in _OF_MOVEMENT else 1.0 for e in edits])
-    edit = _one_of(edits, random, weights / weights.sum())
+    edit = _one_of(edits, random, _weights(edits))
     if _taken(chosen, edit):
         return []
     twin = _twin(edit)
     if twin is None or _taken([*chosen, edit], twin):
         return [edit]
-    both = BOTH_ARMS_CHANCE if "arm" in edit.name else BOTH_LEGS_CHANCE
-    both = BOTH_SWING_CHANCE if edit.kind == "swing" else both
-    return [edit, twin] if random.random() < both else [edit]
+    return [edit, twin] if random.random() < _both_chance(edit) else [edit]
+
+
+def _weights(edits: list[PartEdit]) -> Array:
+    weights = np.array([_MOVEMENT_WEIGHT if e.measure[1] in _OF_MOVEMENT else 1.0 for e in edits])
+    return weights / weights.sum()
+
+
+def _both_chance(edit: PartEdit) -> float:
+    if edit.kind == "swing":
+        return BOTH_SWING_CHANCE
+    return BOTH_ARMS_CHANCE if "arm" in edit.name else BOTH_LEGS_CHANCE
 
 
 def _one_of(edits: list[PartEdit], random: np.random.Generator, chances: Array | None = None) -> PartEdit:

@@ -21,6 +21,7 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE, C, L
+from runtime.motion.model_files import FOLDED
 from training.baselines.folders import (
     Order,
     Report,
@@ -203,16 +204,12 @@ def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, no
     gait = frames.x[:, INPUT["gait"]].reshape(len(frames.x), L, -1)[:, L // 2].argmax(1)
     pace = speeds(frames.y[:, OUTPUT["root"]].astype(np.float32), gait, frames.style, len(frames.styles))
     label = LabelGraph(np.concatenate([codes[s] for s in frames.styles]), labels, pace)
-    names = ("front_bias", "content_weight", "content_bias")
-    export_graph(label, (torch.zeros(6, 64),), ("z",), (*names, "speeds"), ({},), out / "style.onnx")
-    example = (
-        torch.zeros(2, INPUT_SIZE), torch.zeros(2, 1, 1, OUTPUT_SIZE), torch.ones(2, len(frames.styles)) / len(frames.styles),
-        torch.zeros(2, 1), torch.zeros(2, 1),
-    )  # fmt: skip
-    batch = torch.export.Dim("batch", min=1, max=64)
-    shapes = tuple({0: batch} for _ in example)
-    step = BaselineStepGraph(network)
-    export_graph(step, example, ("x", "noise", *names), ("y", "alpha"), shapes, out / "step.onnx")
+    export_graph(label, {"z": torch.zeros(6, 64)}, (*FOLDED, "speeds"), out / "style.onnx", ({},))
+    count = len(frames.styles)
+    folded = torch.ones(2, count) / count, torch.zeros(2, 1), torch.zeros(2, 1)
+    inputs = {"x": torch.zeros(2, INPUT_SIZE), "noise": torch.zeros(2, 1, 1, OUTPUT_SIZE)}
+    inputs |= dict(zip(FOLDED, folded, strict=True))
+    export_graph(BaselineStepGraph(network), inputs, ("y", "alpha"), out / "step.onnx")
     stands = np.flatnonzero(gait == Gait.STAND)
     start = frames.y[stands[0] if len(stands) else 0].astype(float)
     own = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,14 +28,23 @@ class Patches:
     origin: tuple[float, float]
     cell: float
 
-    def terrain(self, k: int = 0) -> Terrain:
+    @staticmethod
+    def of(clip: Mapping[str, Array]) -> Patches:
+        """Those of a clip file."""
+        x, z = map(float, clip["patch_origin"])
+        return Patches(clip["patch_heights"], (x, z), float(clip["patch_cell"]))
+
+    def terrain(self, k: int = 0, name: str = "patch") -> Terrain:
         """Patch `k` as a terrain."""
-        return Terrain("patch", self.heights[k].astype(np.float32), self.cell, self.origin)
+        return Terrain(name, self.heights[k].astype(np.float32), self.cell, self.origin)
 
     def mirrored(self) -> Patches:
         """The same ground reflected through the plane X = 0."""
         width = (self.heights.shape[1] - 1) * self.cell
         return Patches(self.heights[:, ::-1].copy(), (-(self.origin[0] + width), self.origin[1]), self.cell)
+
+
+CLIP_TEXTS = ("style", "content", "source", "split", "tier")  # of a clip and of its file
 
 
 @dataclass(frozen=True)
@@ -72,16 +82,12 @@ class TrainingClip:
         path = folder / f"{self.name}.npz"
         np.savez(
             path,
+            **{name: getattr(self, name) for name in CLIP_TEXTS},
             hips_positions=self.hips.astype(np.float32),
             local_rotations=self.local.astype(np.float32),
             contacts=self.contacts.astype(np.uint8),
             gait=self.gait.astype(np.float32),
-            style=self.style,
-            content=self.content,
-            source=self.source,
-            split=self.split,
             mirrored=self.mirrored,
-            tier=self.tier,
             patch_heights=self.patches.heights.astype(np.float16),
             patch_origin=np.array(self.patches.origin, np.float32),
             patch_cell=np.float32(self.patches.cell),

@@ -17,6 +17,7 @@ from runtime.errors import run_command
 from runtime.safe_read import open_npz
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
+from training.data.clips import Patches
 
 CLIPS, FRAMES = 8, 8
 _VIEW_YAW, _VIEW_PITCH = np.deg2rad(35.0), np.deg2rad(12.0)
@@ -44,8 +45,7 @@ def draw_sheet(paths: list[Path], out: Path) -> None:
 
 def _draw_row(row: Array, clip: np.lib.npyio.NpzFile) -> None:
     hips, local = clip["hips_positions"], clip["local_rotations"]
-    origin = (float(clip["patch_origin"][0]), float(clip["patch_origin"][1]))
-    terrain = Terrain("patch", clip["patch_heights"][0].astype(np.float32), float(clip["patch_cell"]), origin)
+    terrain = Patches.of(clip).terrain()
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     middle = len(hips) // 3
     step = max(1, min(12, (len(hips) - middle - 1) // FRAMES))

@@ -172,11 +172,11 @@ def _import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
     clip = job.clip
     skeleton, source = load(clip)
     offset = ANKLE_HEIGHT - job.feet.ankle_height if clip.terrain == "rollout" else None
-    retargeted = retarget(source, job.feet, offset, flex_toes=not skeleton.has_toe_rotation)
-    positions, _ = SPORT_SKELETON.forward_kinematics(retargeted.hips, retargeted.local)
+    hips, local = retarget(source, job.feet, offset, flex_toes=not skeleton.has_toe_rotation)
+    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
     rollout = _read_rollout(clip) if clip.terrain == "rollout" else None
     contacts, gait = _label(clip, positions, rollout)
-    motion = _Motion(retargeted.hips, retargeted.local, contacts, gait, positions)
+    motion = _Motion(hips, local, contacts, gait, positions)
 
     start, end = cutting.lead_in(positions, clip.content, has_tpose=BY_NAME[clip.source].has_tpose)
     bad = cutting.spikes(motion.hips, motion.local, positions, clip.tier)
@@ -206,7 +206,9 @@ def _versions(
     else:
         motion = motion.cleaned(lambda x, z: np.zeros_like(x))
         patches = relief.fit_around_steps(motion.positions, motion.contacts, generator)
-        if _travels(motion) and BY_NAME[clip.source].slide == 1.0:
+        way = np.ptp(motion.positions[:, 0, [0, 2]], axis=0)
+        # relief under a standing figure teaches nothing new
+        if np.linalg.norm(way) > 1.0 and BY_NAME[clip.source].slide == 1.0:
             on_terrain = _on_terrain(motion, generator)
 
     def version(suffix: str, motion: _Motion, patches: Patches, content: str) -> TrainingClip:
@@ -220,12 +222,6 @@ def _versions(
         lifted, ground, kind = on_terrain
         result.append(version("_t", lifted, ground, f"{clip.content} on {kind}"))
     return [image for item in result for image in (item, item.mirror())]
-
-
-def _travels(motion: _Motion) -> bool:
-    """Whether the clip goes anywhere: relief under a standing figure teaches nothing new."""
-    ground_path = motion.positions[:, 0, [0, 2]]
-    return bool(np.linalg.norm(ground_path.max(0) - ground_path.min(0)) > 1.0)
 
 
 def _on_terrain(motion: _Motion, generator: np.random.Generator) -> tuple[_Motion, Patches, str] | None:

@@ -18,30 +18,16 @@ from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from training.data import gait
-from training.data.clips import TrainingClip
+from training.data.clips import CLIP_TEXTS, TrainingClip
 from training.data.labels import FOOT_JOINTS
 from training.data.retarget import FPS
 from training.data.shown import ClipSource, Refusal
 from training.data.sources import BY_NAME, list_clips
 from training.markdown import table
 
-
-@dataclass(frozen=True)
-class ClipSummary:
-    """Numbers of one written clip."""
-
-    name: str
-    source: str
-    style: str
-    content: str
-    split: str
-    tier: str
-    mirrored: bool
-    seconds: float
-    gait_seconds: dict[str, float]
-    contact_ratio: float
-    skating_cm_per_frame: float  # mean horizontal travel of feet in contact
-    patches: int
+# of a written clip: its `name` and texts, whether it is `mirrored`, its `seconds`, those of each gait, the fraction of
+# contacts, the mean way over the ground of feet in contact, and how many `patches` of ground it has
+ClipSummary = dict[str, Any]
 
 
 @dataclass
@@ -70,19 +56,21 @@ class Report:
 
     def text(self) -> str:
         """The report as Markdown tables."""
-        originals = [c for c in self.clips if not c.mirrored]
-        total = sum(c.seconds for c in originals) / 60
+        originals = [c for c in self.clips if not c["mirrored"]]
+        total = sum(c["seconds"] for c in originals) / 60
+        held_out = sum(c["seconds"] for c in originals if c["split"] == "held_out")
         lines = [
             f"{len(originals)} clips, {total:.1f} minutes, and as many mirrored"
-            f" ({sum(c.seconds for c in originals if c.split == 'held_out') / 60:.1f} minutes held out).",
+            f" ({held_out / 60:.1f} minutes held out).",
             "",
         ]
         for title, key in (("Source", "source"), ("Style", "style")):
             groups: dict[str, list[ClipSummary]] = defaultdict(list)
             for clip in originals:
-                groups[getattr(clip, key)].append(clip)
+                groups[clip[key]].append(clip)
             lines += _table(title, groups)
-        reasons = Counter((_kind(r.reason), r.source) for r in self.refused)
+        # reasons without their numbers
+        reasons = Counter((r.reason.split(":")[0].split(" left of ")[0], r.source) for r in self.refused)
         counted = [(reason, source, str(n)) for (reason, source), n in sorted(reasons.items())]
         return "\n".join([*lines, *table(("Not imported, or cut", "source", "items"), counted)])
 
@@ -94,17 +82,12 @@ def _table(title: str, groups: Mapping[str, list[ClipSummary]]) -> list[str]:
 
 
 def _row(name: str, group: list[ClipSummary]) -> list[str]:
-    seconds = np.array([c.seconds for c in group])
-    minutes = [sum(c.seconds for c in group), sum(c.seconds for c in group if c.split == "held_out")]
-    minutes += [sum(c.gait_seconds[g.label] for c in group) for g in Gait]
-    contact = np.average([c.contact_ratio for c in group], weights=seconds)
-    skating = np.average([c.skating_cm_per_frame for c in group], weights=seconds)
+    seconds = np.array([c["seconds"] for c in group])
+    minutes = [sum(c["seconds"] for c in group), sum(c["seconds"] for c in group if c["split"] == "held_out")]
+    minutes += [sum(c["gait_seconds"][g.label] for c in group) for g in Gait]
+    contact = np.average([c["contact_ratio"] for c in group], weights=seconds)
+    skating = np.average([c["skating_cm_per_frame"] for c in group], weights=seconds)
     return [name, str(len(group)), *(f"{m / 60:.1f}" for m in minutes), f"{contact:.2f}", f"{skating:.3f}"]
-
-
-def _kind(reason: str) -> str:
-    """A reason without its numbers."""
-    return reason.split(":")[0].split(" left of ")[0]
 
 
 def summarise(clip: TrainingClip) -> ClipSummary:
@@ -113,14 +96,16 @@ def summarise(clip: TrainingClip) -> ClipSummary:
     feet = positions[:, FOOT_JOINTS]
     travel = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1)
     standing = clip.contacts[1:].astype(bool) & clip.contacts[:-1].astype(bool)
-    return ClipSummary(
-        clip.name, clip.source, clip.style, clip.content, clip.split, clip.tier, clip.mirrored,
-        len(clip.hips) / FPS,
-        {g.name.lower(): float(clip.gait[:, g].sum() / FPS) for g in Gait},
-        float(clip.contacts.mean()),
-        float(100.0 * travel[standing].mean()) if standing.any() else 0.0,
-        len(clip.patches.heights),
-    )  # fmt: skip
+    return {
+        "name": clip.name,
+        **{name: getattr(clip, name) for name in CLIP_TEXTS},
+        "mirrored": clip.mirrored,
+        "seconds": len(clip.hips) / FPS,
+        "gait_seconds": {g.name.lower(): float(clip.gait[:, g].sum() / FPS) for g in Gait},
+        "contact_ratio": float(clip.contacts.mean()),
+        "skating_cm_per_frame": float(100.0 * travel[standing].mean()) if standing.any() else 0.0,
+        "patches": len(clip.patches.heights),
+    }
 
 
 FILES = 4  # of each source and style at most, evenly spread

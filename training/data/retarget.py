@@ -105,14 +105,6 @@ class FootCalibration:
     ankle_height: float
 
 
-@dataclass(frozen=True)
-class Retargeted:
-    """A motion of the SPORT skeleton at 60 Hz: `hips` `(T, 3)` and `local` `(T, 31, 4)`."""
-
-    hips: Array
-    local: Array
-
-
 def load_source(
     motion: BvhMotion, skeleton: SourceSkeleton, first_frame: int = 0, reference: BvhMotion | None = None
 ) -> SourceMotion:
@@ -272,8 +264,8 @@ def _into(frame: Array, v: Array) -> Array:
 
 def retarget(
     source: SourceMotion, feet: FootCalibration, height_offset: float | None, flex_toes: bool
-) -> Retargeted:
-    """Motion of the SPORT skeleton. `height_offset` lifts it, in metres; None measures it so that the feet stand on y = 0.
+) -> tuple[Array, Array]:
+    """Hips `(T, 3)` and local rotations `(T, 31, 4)` of the SPORT skeleton at 60 Hz. `height_offset` lifts it, in metres; None measures it so that the feet stand on y = 0.
 
     `flex_toes` bends the toes over the ground where the source's toes are rigid.
     """
@@ -298,7 +290,7 @@ def retarget(
     for joint, part in _HEAD_LIFT_PARTS.items():
         local[:, joint] = pitched(local[:, joint], -part * source.head_lift)
     local = rotations.continuous(rotations.normalize(local))
-    return Retargeted(hips.astype(np.float32), local.astype(np.float32))
+    return hips.astype(np.float32), local.astype(np.float32)
 
 
 def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:

@@ -12,12 +12,9 @@ from runtime.errors import FileError
 
 
 @dataclass(frozen=True)
-class ClipSource:
-    """One file to import."""
+class Shown:
+    """What a file shows."""
 
-    path: Path
-    name: str  # unique among all sources
-    source: str
     style: str
     content: str
     tier: str = "exact"
@@ -25,9 +22,14 @@ class ClipSource:
     # files of one skeleton and one person or studio, calibrated together; by default the source
     capture: str = ""
 
-    def __post_init__(self) -> None:
-        if not self.capture:
-            object.__setattr__(self, "capture", self.source)
+
+@dataclass(frozen=True, kw_only=True)
+class ClipSource(Shown):
+    """One file to import."""
+
+    path: Path
+    name: str  # unique among all sources
+    source: str
 
 
 @dataclass(frozen=True)
@@ -37,17 +39,6 @@ class Refusal:
     name: str
     source: str
     reason: str
-
-
-@dataclass(frozen=True)
-class Shown:
-    """What a file shows; see `ClipSource`."""
-
-    style: str
-    content: str
-    tier: str = "exact"
-    terrain: str = "flat"
-    capture: str = ""
 
 
 Listing = tuple[list[ClipSource], list[Refusal]]

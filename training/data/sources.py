@@ -55,7 +55,8 @@ class DataSet:
             if isinstance(found, str):
                 refused.append(Refusal(clip, source, found))
             else:
-                clips.append(ClipSource(path, clip, source, **vars(found)))
+                about = vars(found) | {"capture": found.capture or source}
+                clips.append(ClipSource(path=path, name=clip, source=source, **about))
         clips, more = self.select(clips)
         return clips, refused + more
 

@@ -9,21 +9,9 @@ from typing import Any
 
 from runtime.errors import UsageError
 from runtime.motion.model import ExportedMotionEncoder
+from training.evaluation import experiment as experiments
 from training.evaluation import log
-from training.evaluation.experiment import (
-    CLIPS,
-    MODELS,
-    PLAN,
-    SECONDS,
-    SEED,
-    Arguments,
-    Experiment,
-    Setting,
-    command_of,
-    experiment,
-    option,
-    run,
-)
+from training.evaluation.experiment import PLAN, Arguments, Experiment, Setting, command_of, option
 from training.evaluation.metrics.features import has_encoder
 from training.evaluation.motion import tables
 from training.evaluation.motion.capture import EvaluationPlan, Options, make_plan
@@ -37,8 +25,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ("text", "courses"):  # does the motion do what the words say; how obstacles are crossed
         if f"--{name}" in words:
             words.remove(f"--{name}")
-            return run(experiment(name), words, f"sport evaluate --{name}")
-    return run(MOTION, words, "sport evaluate")
+            return experiments.run(experiments.experiment(name), words, f"sport evaluate --{name}")
+    return experiments.run(MOTION, words, "sport evaluate")
 
 
 def motion(setting: Setting) -> dict[str, Any]:
@@ -86,11 +74,11 @@ MOTION = Experiment(
     tables.SECTION,
     needs=("clips",),
     options=(
-        CLIPS,
-        MODELS,
+        "clips",
+        "models",
         *PLAN,
-        SEED,
-        SECONDS,
+        "seed",
+        "seconds",
         option("--text", action="store_true", help="score what prompts do instead; it has a help of its own"),
         option("--courses", action="store_true", help="score how obstacles are crossed instead; likewise"),
     ),

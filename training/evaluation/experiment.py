@@ -46,19 +46,22 @@ def option(name: str, **settings: Any) -> Option:
     return name, settings
 
 
-CLIPS = option("--clips", type=Path, metavar="DIR", help="folder of imported clips")
 _FOLDER: dict[str, Any] = {"type": model_folder, "metavar": "DIR"}
-MODEL = option("--model", **_FOLDER, help="folder of an exported model; default: the shipped one")
-MODELS = option(
-    "--model", **_FOLDER, action="append", help="folder of an exported model; several can be given"
-)
-DATA = option("--data", type=Path, metavar="DIR", help="folder of the unpacked source files")
-SEED = option("--seed", type=int, default=0)
-STYLES = option("--styles", nargs="+", metavar="STYLE", help="default: every style of the clips")
-SECONDS = option("--seconds", type=float, metavar="S", help="of followed paths per style (default: 40)")
-QUICK = option("--quick", action="store_true", help="a trial: too little motion for figures to quote")
-FEATURES = option("--features", **_FOLDER, help="model whose motion encoder serves all")
-PLAN = (FEATURES, STYLES, QUICK)  # of how much is generated, and what it is compared by
+# those that several experiments have
+OPTIONS = {
+    "clips": option("--clips", type=Path, metavar="DIR", help="folder of imported clips"),
+    "model": option("--model", **_FOLDER, help="folder of an exported model; default: the shipped one"),
+    "models": option(
+        "--model", **_FOLDER, action="append", help="folder of an exported model; several can be given"
+    ),
+    "data": option("--data", type=Path, metavar="DIR", help="folder of the unpacked source files"),
+    "seed": option("--seed", type=int, default=0),
+    "seconds": option("--seconds", type=float, metavar="S", help="of followed paths per style (default: 40)"),
+    "features": option("--features", **_FOLDER, help="model whose motion encoder serves all"),
+    "styles": option("--styles", nargs="+", metavar="STYLE", help="default: every style of the clips"),
+    "quick": option("--quick", action="store_true", help="a trial: too little motion for figures to quote"),
+}
+PLAN = ("features", "styles", "quick")  # of how much is generated, and what it is compared by
 _OUTPUTS = (
     option("--json", type=Path, metavar="FILE", help="write all figures to FILE"),
     option("--known", type=Path, metavar="FILE", help="make the table of the figures that --json kept"),
@@ -92,7 +95,7 @@ class Experiment:
     figures: Callable[[Setting], Figures]
     table: Callable[[Figures], str]
     section: str | Callable[[Arguments], str]  # of a document, between whose markers the table goes
-    options: tuple[Option, ...] = ()
+    options: tuple[str | Option, ...] = ()  # names of `OPTIONS`, and its own
     needs: tuple[str, ...] = ()  # options that must be given, but for --known
     check: Callable[[Arguments], None] = lambda args: None  # UsageError before anything is measured
     failed: Callable[[Figures], bool] = lambda figures: False  # whether the exit code is 1
@@ -100,7 +103,8 @@ class Experiment:
     def parser(self, program: str) -> argparse.ArgumentParser:
         """Its own arguments, and the common ones."""
         parser = argparse.ArgumentParser(prog=program, description=self.question)
-        for name, settings in (*self.options, *_OUTPUTS):
+        for own in (*self.options, *_OUTPUTS):
+            name, settings = OPTIONS[own] if isinstance(own, str) else own
             parser.add_argument(name, **settings)
         return parser
 

@@ -7,7 +7,7 @@ stick (`training.evaluation.metrics.moments`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -18,10 +18,9 @@ import numpy as np
 from runtime.errors import UsageError
 from runtime.generate import clip_of
 from runtime.motion.control_scripts import parse_stick
-from runtime.motion.controller import Controller
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
-from training.evaluation.experiment import DATA, MODEL, Experiment, Setting, option
+from training.evaluation.experiment import Experiment, Setting, option
 from training.evaluation.metrics.moments import (
     FPS,
     Points,
@@ -34,7 +33,7 @@ from training.evaluation.metrics.moments import (
     read_points,
     whole_clip,
 )  # fmt: skip
-from training.evaluation.motion.driving import measured_files, walk_together
+from training.evaluation.motion.driving import characters, measured_files, walk_together
 from training.markdown import table
 
 Values = list[float]
@@ -139,30 +138,18 @@ RAW: tuple[tuple[str, str, Callable[[Points], dict[str, float]]], ...] = (
 def measure(path: Path, script: str) -> dict[str, Any]:
     """The figures of an exported BVH whose stick was `script`, as plain data."""
     points, stick = read_points(path), parse_stick(script)
-    found = [asdict(moment) for moment in moments(points, stick)]
-    return {"whole": whole_clip(points, stick), "moments": found}
-
-
-def clips_of(setting: Setting) -> dict[str, list[dict[str, Any]]]:
-    """Figures of every prompt in every seed."""
-    args = setting.args
-    result: dict[str, list[dict[str, Any]]] = {prompt: [] for prompt in args.prompts}
-    members = list(product(args.prompts, args.seeds))
-    found = measured_files(clips_together(setting, members), partial(measure, script=args.script))
-    for (prompt, seed), figures in zip(members, found, strict=True):
-        result[prompt].append({"seed": seed, **figures})
-    return result
+    return {"whole": whole_clip(points, stick), "moments": moments(points, stick)}
 
 
 def clips_together(setting: Setting, styles: Sequence[tuple[str, int]]) -> list[Clip]:
     """The clips that `generate_clip` makes of prompts and seeds, as one crowd in half of the time."""
     evaluated, ground, stick = setting.models[0], load_terrain("flat"), parse_stick(setting.args.script)
-    crowd = []
-    for prompt, seed in styles:
-        controller = Controller(evaluated.model, ground, seed, response=0.0)  # as in capture
-        controller.set_style(evaluated.prompter.style(prompt), 0.0)
-        controller.settle(stick(0.0).gait)
-        crowd.append(controller)
+    codes = [evaluated.prompter.style(prompt) for prompt, _ in styles]
+    crowd = characters(
+        evaluated.model, ground, codes, [seed for _, seed in styles], response=0.0
+    )  # as in capture
+    for member in crowd:
+        member.settle(stick(0.0).gait)
     poses = walk_together(crowd, stick, round(stick.seconds * FPS))
     return [clip_of(own, "moments", (), ground.name) for own in poses]
 
@@ -182,9 +169,14 @@ def raw_moments(data: Path) -> dict[str, Raw]:
 
 
 def moment_figures(setting: Setting) -> dict[str, Any]:
-    """Every prompt through the script of moments, and the raw takes."""
-    data = setting.args.data
-    return {"prompts": clips_of(setting), "raw": {} if data is None else raw_moments(data)}
+    """Every prompt in every seed through the script of moments, and the raw takes."""
+    args = setting.args
+    members = list(product(args.prompts, args.seeds))
+    found = measured_files(clips_together(setting, members), partial(measure, script=args.script))
+    prompts: dict[str, list[dict[str, Any]]] = {prompt: [] for prompt in args.prompts}
+    for (prompt, seed), figures in zip(members, found, strict=True):
+        prompts[prompt].append({"seed": seed, **figures})
+    return {"prompts": prompts, "raw": {} if args.data is None else raw_moments(args.data)}
 
 
 def moment_table(figures: dict[str, Any]) -> str:
@@ -215,10 +207,10 @@ MOMENTS = Experiment(
     moment_table,
     "moments",
     options=(
-        MODEL,
+        "model",
         option("--prompts", nargs="+", metavar="PROMPT", default=list(PROMPTS), help="default: seven"),
         option("--script", default=SCRIPT, help="the stick, as sport generate --controls"),
         option("--seeds", type=int, nargs="+", default=[1, 2], help="default: 1 2"),
-        DATA,
+        "data",
     ),
 )

@@ -21,14 +21,14 @@ from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obs
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from training.evaluation import log
-from training.evaluation.experiment import CLIPS, MODEL, SEED, Experiment, Setting, command_of, option
+from training.evaluation.experiment import Experiment, Setting, command_of, option
 from training.evaluation.metrics import traversal
 from training.evaluation.metrics.classifiers import StyleClassifier, merged
 from training.evaluation.metrics.features import window_set
-from training.evaluation.metrics.feet import foot_skating
+from training.evaluation.metrics.feet import foot_skating, skating_means
 from training.evaluation.metrics.motion import Motion
 from training.evaluation.motion.capture import Options, make_plan
-from training.evaluation.motion.driving import walked
+from training.evaluation.motion.driving import Stick, Track, characters, walked
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.markdown import columns, number, percent
 
@@ -76,16 +76,25 @@ def run_obstacles(
     model: MotionModel, course: ObstacleCourse, style: str, code: Array, gait: Gait, seed: int
 ) -> ObstacleRun:
     """From the start mark at full stick along the middle of a course until it is passed or time is up."""
-    controller = Controller(model, course.terrain(), seed)
-    controller.set_style(code, 0.0)
-    controller.reset()
-    controller.settle()
+    controller = at_start(model, course.terrain(), code, seed)
     end = course.obstacles[-1].end + BEYOND_M
     limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
-    stick = partial(along_the_middle, gait=gait)
-    (track,) = walked([controller], stick, limit, lambda member: member.pose.root_position[2] > end)
+    track = walked_to(end, controller, partial(along_the_middle, gait=gait), limit)
     motion = track.motion(f"{style} {gait.label} {course.name}", style, gait)
     return ObstacleRun(course, motion, track.root, np.array(track.requested_speed), np.array(track.keyed))
+
+
+def at_start(model: MotionModel, ground: Terrain, code: Array, seed: int) -> Controller:
+    """A character in a style that stands at the start mark."""
+    (controller,) = characters(model, ground, [code], [seed])
+    controller.reset()
+    controller.settle()
+    return controller
+
+
+def walked_to(end_m: float, controller: Controller, stick: Stick, frames: int) -> Track:
+    """What a character did until it was `end_m` along +Z, or for so many frames."""
+    return walked([controller], stick, frames, lambda member: member.pose.root_position[2] > end_m)[0]
 
 
 def along_the_middle(
@@ -112,14 +121,14 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
         **_passed(run),
         "requested_m_s": float(run.requested_speed.max()),
         "frozen_s": traversal.frozen_seconds(motion.positions, run.root, run.requested_speed),
-        "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
+        "skating": skating_means([foot_skating(motion.positions, ground)])["soles"],
         "keyed_s": float(run.keyed.sum() / FPS),
         "keyed_fraction": float(run.keyed[within].mean()) if within.any() else None,
     }
     for name, positions in (("before", motion.unlocked), ("after", motion.positions)):
-        result[name] = traversal.depths(positions, ground, within) | own_measures(
-            course, positions, motion.contacts
-        )
+        own = _OWN_MEASURES.get(course.name, lambda *_: {})
+        result[name] = traversal.depths(positions, ground, within)
+        result[name] |= own(course, positions, motion.contacts)
     return result
 
 
@@ -141,12 +150,6 @@ def _passed(run: ObstacleRun) -> dict[str, Any]:
         "seconds_each": float(np.mean([seconds for seconds, _ in paces])) if paces else None,
         "slowest_m_s": min((slowest for _, slowest in paces), default=None),
     }
-
-
-def own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
-    """What only one kind of course has."""
-    measure = _OWN_MEASURES.get(course.name)
-    return {} if measure is None else measure(course, positions, contacts)
 
 
 def _hurdles(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
@@ -173,7 +176,13 @@ def _walls(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[st
     return {"hands_s": traversal.hands_on_edge(positions, course.obstacles), "on_top_s": tops}
 
 
-_OWN_MEASURES = {"hurdles": _hurdles, "beam": _beam, "platforms": _platforms, "wall": _walls}
+# what only one kind of course has
+_OWN_MEASURES: dict[str, Callable[[ObstacleCourse, Array, Array], dict[str, Any]]] = {
+    "hurdles": _hurdles,
+    "beam": _beam,
+    "platforms": _platforms,
+    "wall": _walls,
+}
 
 
 STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
@@ -319,9 +328,9 @@ OBSTACLES = Experiment(
     markdown,
     "obstacle courses",
     options=(
-        CLIPS,
-        MODEL,
+        "clips",
+        "model",
         option("--styles", nargs="+", metavar="STYLE", help=f"default: {' '.join(STYLES)}"),
-        SEED,
+        "seed",
     ),
 )

@@ -11,12 +11,11 @@ import numpy as np
 
 from runtime.generate import clip_of
 from runtime.motion.control_scripts import control_script
-from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from training.data import gait
 from training.data.sources import list_clips
-from training.evaluation.experiment import DATA, MODELS, Experiment, Setting
-from training.evaluation.motion.driving import flat_ground, measured_files, walk_together
+from training.evaluation.experiment import Experiment, Setting
+from training.evaluation.motion.driving import characters, flat_ground, measured_files, walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.markdown import table
 
@@ -80,10 +79,8 @@ def raw_walks(data: Path, free_only: bool = False) -> dict[str, Measures]:
 
 def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[str, Measures]:
     """The same of a character that walks straight ahead at full stick by each style's prompt, from its BVH."""
-    names, ground = list(styles), flat_ground()
-    members = [Controller(evaluated.model, ground, 0) for _ in names]
-    for style, member in zip(names, members, strict=True):
-        member.set_style(evaluated.style(style, 0), 0.0)
+    names = list(styles)
+    members = characters(evaluated.model, flat_ground(), [evaluated.style(style, 0) for style in names])
     walks = walk_together(members, control_script("forward", "walk"), round(WALK_SECONDS * FPS))
     clips = [clip_of(poses, style, (), "flat") for style, poses in zip(names, walks, strict=True)]
     measured = zip(names, measured_files(clips, gait.measure_file), strict=True)
@@ -125,6 +122,6 @@ GAIT = Experiment(
     gait_figures,
     gait_table,
     "straight walks",
-    options=(MODELS, DATA),
+    options=("models", "data"),
     needs=("data",),
 )

@@ -31,7 +31,7 @@ from runtime.skeleton import PART_NAMES
 from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary
 from training.evaluation.text.prompt_adherence import PHRASE_S, described_edits, edit_fraction, neutral_motion
-from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
+from training.evaluation.text.walks import PLAIN_PROMPT, Walker
 from training.frames import FrameTable
 from training.text.claims import claims, sentence_fraction
 
@@ -105,7 +105,7 @@ class _Walks:
     def alone(self, several: Sequence[_Claim], gains: Sequence[float]) -> list[float]:
         """The fraction of each that is shown on a neutral walk."""
         codes = [self._code(each, gain, self.plain) for each, gain in zip(several, gains, strict=True)]
-        walked, *made = self.walker.make([Walk.of(z, 0) for z in (self.neutral, *codes)])
+        walked, *made = self.walker.make([self.neutral, *codes])
         return [each.fraction(walked, one) for each, one in zip(several, made, strict=True)]
 
     def among_others(self, several: Sequence[_Claim], gains: Sequence[float]) -> list[float]:
@@ -116,7 +116,7 @@ class _Walks:
             for each, gain in zip(several, gains, strict=True):
                 words = _among(self.plain, each.words, companions)
                 codes += [self.prompter(words), self._code(each, gain, words)]
-            made = self.walker.make([Walk.of(z, 0) for z in codes])
+            made = self.walker.make(codes)
             pairs = zip(several, made[::2], made[1::2], strict=True)
             found.append([each.fraction(without, one) for each, without, one in pairs])
         return [float(np.mean(fractions)) for fractions in zip(*found, strict=True)]
@@ -146,7 +146,8 @@ class _Walks:
         What farther out is not shown wholly distorts the rest.
         """
         shown, found = fractions(several, gains), list(gains)
-        left = {i: _farther(gains[i]) for i, fraction in enumerate(shown) if fraction < SHOWN}
+        weak = [i for i, fraction in enumerate(shown) if fraction < SHOWN]
+        left = {i: [gain for gain in GAINS if gain > gains[i]] for i in weak}
         while left := {i: farther for i, farther in left.items() if farther}:
             tried = {i: farther[len(farther) // 2] for i, farther in left.items()}
             reached = fractions([several[i] for i in tried], list(tried.values()))
@@ -166,10 +167,6 @@ class _Walks:
         return code
 
 
-def _farther(gain: float) -> list[float]:
-    return [each for each in GAINS if each > gain]
-
-
 def calibrated(
     model: MotionModel, prompter: Prompter, walker: Walker, phrasing: ModelPhrasing
 ) -> list[dict[str, Any]]:
@@ -179,12 +176,10 @@ def calibrated(
     walks = _Walks(prompter, walker, plain, neutral)
     examples = described_edits(neutral_motion(model, neutral))
     pairs = _trained()
-    edits = {
-        name: _Claim(
-            name, part_edits()[name].phrases, partial(edit_fraction, name, examples[name]), _is_hand(name)
-        )
-        for name in sorted({n for pair in pairs for n in pair})
-    }
+    edits = {}
+    for name in sorted({n for pair in pairs for n in pair}):
+        edit, fraction = part_edits()[name], partial(edit_fraction, name, examples[name])
+        edits[name] = _Claim(name, edit.phrases, fraction, held=edit.kind == "hand")
     first = dict(zip(edits, walks.alone(list(edits.values()), [1.0] * len(edits)), strict=True))
     leads = [_lead(left, right, first[left] - first[right]) for left, right in pairs]
     better = [edits[left if lead >= 0 else right] for (left, right), lead in zip(pairs, leads, strict=True)]
@@ -198,10 +193,6 @@ def calibrated(
     for rule, gain in zip(rules, gains[len(pairs) :], strict=True):
         rows += _rows(rule, "legs", 0.0, gain, walks)
     return rows
-
-
-def _is_hand(edit: str) -> bool:
-    return part_edits()[edit].kind == "hand"
 
 
 def _rule_sentences(phrasing: ModelPhrasing) -> Iterable[_Claim]:

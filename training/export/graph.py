@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from runtime.atomic import write_atomic
 from runtime.motion.model_files import read_metadata, write_metadata
@@ -23,19 +23,18 @@ BATCH = torch.export.Dim("batch", min=1, max=4096)
 
 def export_graph(
     module: nn.Module,
-    example: tuple,
-    inputs: Sequence[str],
+    inputs: Mapping[str, Tensor],
     outputs: Sequence[str],
-    shapes: tuple,
     path: Path,
+    shapes: tuple | None = None,
     leading: dict[str, str] | None = None,
 ) -> float:
-    """Write `module` and return its largest difference from torch on the example; RuntimeError above 1e-4.
+    """Write `module` and return its largest difference from torch on these `inputs`; RuntimeError above 1e-4.
 
-    `shapes` are the dynamic shapes of `torch.export`, one for each input. `leading` names the first dimension of inputs
-    anew: torch ties dimensions that the products of a graph broadcast.
+    `shapes` are the dynamic shapes of `torch.export`, one for each input: by default the first dimension is any batch.
+    `leading` names the first dimension of inputs anew: torch ties dimensions that the products of a graph broadcast.
     """
-    module = module.eval()
+    module, example = module.eval(), tuple(inputs.values())
     with torch.no_grad():
         torch.onnx.export(
             module,
@@ -45,7 +44,7 @@ def export_graph(
             output_names=list(outputs),
             opset_version=OPSET,
             dynamo=True,
-            dynamic_shapes=shapes,
+            dynamic_shapes=tuple({0: BATCH} for _ in inputs) if shapes is None else shapes,
             external_data=False,
             verbose=False,
         )
@@ -54,7 +53,7 @@ def export_graph(
     import onnxruntime
 
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    got = session.run(None, dict(zip(inputs, [e.numpy() for e in example], strict=True)))
+    got = session.run(None, {name: value.numpy() for name, value in inputs.items()})
     expected = expected if isinstance(expected, tuple) else (expected,)
     error = max(float(np.abs(a.numpy() - b).max()) for a, b in zip(expected, got, strict=True))
     scale = max(float(a.abs().max()) for a in expected)

@@ -15,13 +15,15 @@ from runtime.motion.features import FPS, LAYOUT_VERSION
 from runtime.motion.model_files import FOLDED, write_metadata
 from runtime.skeleton import SPORT_SKELETON, J
 from training.batches import Normalisation
-from training.export.graph import BATCH, export_graph
+from training.export.graph import export_graph
 from training.export.model_card import model_card
 from training.export.step import FrameGraph, StepGraph, export_step
 from training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
 from training.networks.diffusion import ReverseStep
 from training.networks.generator import Generator
 from training.presets import ModelConfig
+
+CODES = ("mean", "log_variance")  # outputs
 
 
 class MixtureStepGraph(FrameGraph):
@@ -130,45 +132,25 @@ def export_model(trained: Trained, folder: Path) -> None:
     mixture = trained.decoder == "mixture"
     step = MixtureStepGraph(generator, normal) if mixture else StepGraph(generator, normal, trained.steps)
     torch.manual_seed(0)
+    sizes, scale = trained.config, (trained.style_centre.cpu(), trained.style_deviation.cpu())
+    content = None if trained.content is None else trained.content.cpu()
+    prompt = {"embeddings": torch.randn(2, 6, sizes.sentence_size)}
+    style, own = StyleGraph(generator, trained.speeds), {"z": torch.randn(6, sizes.style_size // 6)}
+    given = ["z", *CODES] if content is not None else ["z"]
     errors = {
-        "prompt": _export_prompt(trained, folder),
-        "style": export_graph(
-            StyleGraph(generator, trained.speeds),
-            (torch.randn(6, trained.config.style_size // 6),),
-            ["z"],
-            [*FOLDED, "speeds"],
-            (None,),
-            folder / "style.onnx",
-        ),
+        "prompt": export_graph(PromptGraph(content, *scale), prompt, given, folder / "prompt.onnx"),
+        "style": export_graph(style, own, [*FOLDED, "speeds"], folder / "style.onnx", (None,)),
         "step": export_step(step, generator, len(trained.steps), folder / "step.onnx"),
     }
-    if trained.content is not None:
-        errors["motion"] = _export_motion(trained.content, trained.sequence_scales, folder)
+    if content is not None:
+        errors["motion"] = _export_motion(content, trained.sequence_scales, folder)
     _write_metadata(trained, folder, errors)
 
 
-def _export_prompt(trained: Trained, folder: Path) -> float:
-    scale = trained.style_centre.cpu(), trained.style_deviation.cpu()
-    content = trained.content.cpu() if trained.content is not None else None
-    return export_graph(
-        PromptGraph(content, *scale),
-        (torch.randn(2, 6, trained.config.sentence_size),),
-        ["embeddings"],
-        ["z", "mean", "log_variance"] if content is not None else ["z"],
-        ({0: BATCH},),
-        folder / "prompt.onnx",
-    )
-
-
 def _export_motion(content: ContentEncoder, scales: dict[str, Tensor], folder: Path) -> float:
-    return export_graph(
-        MotionGraph(content, scales),
-        (torch.randn(2, SEQUENCE_LENGTH, J, JOINT_FEATURES), torch.randn(2, SEQUENCE_LENGTH, 3)),
-        ["joints", "root"],
-        ["mean", "log_variance"],
-        ({0: BATCH}, {0: BATCH}),
-        folder / "motion.onnx",
-    )
+    joints = torch.randn(2, SEQUENCE_LENGTH, J, JOINT_FEATURES)
+    sequence = {"joints": joints, "root": torch.randn(2, SEQUENCE_LENGTH, 3)}
+    return export_graph(MotionGraph(content, scales), sequence, CODES, folder / "motion.onnx")
 
 
 def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) -> None:

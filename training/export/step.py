@@ -16,24 +16,38 @@ from torch.nn.functional import elu, pad, silu
 from runtime.motion.features import INPUT_SIZE, MOTION_INPUT_SIZE
 from runtime.motion.model_files import FOLDED
 from training.batches import Normalisation, normalised
-from training.export.graph import BATCH, export_graph
+from training.export.graph import export_graph
 from training.networks.decoder import ResidualBlock, blend_codes
 from training.networks.diffusion import ReverseStep
 from training.networks.generator import Generator
 from training.networks.modulator import instance_norm
 
 
-class FrameGraph(nn.Module):
-    """x in real units to E and alpha, from the tensors of `ContentModulator.fold`.
-
-    Those have a leading dimension: 1 where all characters of the batch have one prompt, or the batch.
-    """
+class ScaledGraph(nn.Module):
+    """A graph of x and y in real units, with the scales that the networks see them in."""
 
     x_mean: Tensor
     x_deviation: Tensor
     x_limit: Tensor
     y_mean: Tensor
     y_deviation: Tensor
+
+    def __init__(self, normal: Normalisation) -> None:
+        super().__init__()
+        for name, value in vars(normal).items():
+            self.keep(name, value)
+
+    def keep(self, name: str, value: Tensor) -> None:
+        """A constant of the graph, in the order of its dimensions."""
+        self.register_buffer(name, value.detach().clone().contiguous())
+
+
+class FrameGraph(ScaledGraph):
+    """x in real units to E and alpha, from the tensors of `ContentModulator.fold`.
+
+    Those have a leading dimension: 1 where all characters of the batch have one prompt, or the batch.
+    """
+
     encoder_first: Tensor
     encoder_first_bias: Tensor
     encoder_second: Tensor
@@ -43,11 +57,9 @@ class FrameGraph(nn.Module):
     front_narrow_bias: Tensor
 
     def __init__(self, generator: Generator, normal: Normalisation) -> None:
-        super().__init__()
+        super().__init__(normal)
         self.config = generator.config
         encoder, modulator = generator.encoder, generator.modulator
-        for name, value in normal.tensors().items():
-            self.keep(name, value)
         self.gating = encoder.gating
         self.keep("encoder_first", encoder.first.weight.permute(1, 0, 2).flatten(1))  # (inputs, K hidden)
         self.keep("encoder_first_bias", encoder.first.bias.flatten())
@@ -56,10 +68,6 @@ class FrameGraph(nn.Module):
         self.keep("front_wide", modulator.front_motion.weight.permute(1, 0, 2).flatten(1))
         self.keep("front_narrow", modulator.front_narrow.weight)
         self.keep("front_narrow_bias", modulator.front_narrow.bias[:, None])
-
-    def keep(self, name: str, value: Tensor) -> None:
-        """A constant of the graph, in the order of its dimensions."""
-        self.register_buffer(name, value.detach().clone().contiguous())
 
     def embed(
         self, x: Tensor, front_bias: Tensor, content_weight: Tensor, content_bias: Tensor
@@ -161,32 +169,21 @@ def export_step(graph: FrameGraph, generator: Generator, steps: int, path: Path)
     config = generator.config
     with torch.no_grad():
         folds = [generator.modulator.fold(torch.randn(1, config.style_size)) for _ in range(2)]
-    folded = [torch.stack(tensors) for tensors in zip(*folds, strict=True)]
+    folded = dict(zip(FOLDED, map(torch.stack, zip(*folds, strict=True)), strict=True))
     noise = torch.randn(2, steps, config.experts, config.output_size)
-    inputs, shapes = ["x", "noise", *FOLDED], tuple({0: BATCH} for _ in range(5))
-    example = (torch.randn(2, INPUT_SIZE), noise, *folded)
-    return export_graph(
-        graph, example, inputs, ["y", "alpha"], shapes, path, leading=dict.fromkeys(FOLDED, "styles")
-    )
+    inputs = {"x": torch.randn(2, INPUT_SIZE), "noise": noise, **folded}
+    return export_graph(graph, inputs, ["y", "alpha"], path, leading=dict.fromkeys(FOLDED, "styles"))
 
 
-class PlainGraph(nn.Module):
+class PlainGraph(ScaledGraph):
     """The same frame exported as the networks are written, Z^t `(B, 384)` among the inputs: what speed is compared to.
 
     The content experts are blended in every frame.
     """
 
-    x_mean: Tensor
-    x_deviation: Tensor
-    x_limit: Tensor
-    y_mean: Tensor
-    y_deviation: Tensor
-
     def __init__(self, generator: Generator, normal: Normalisation, steps: list[ReverseStep]) -> None:
-        super().__init__()
+        super().__init__(normal)
         self.generator, self.steps = generator, steps
-        for name, value in normal.tensors().items():
-            self.register_buffer(name, value)
 
     def forward(self, x: Tensor, z: Tensor, noise: Tensor) -> Tensor:
         x = normalised(x, self.x_mean, self.x_deviation, self.x_limit)

@@ -18,7 +18,7 @@ from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import run_command
 from runtime.motion.control_scripts import PlanarPose
-from runtime.motion.controller import SETTLE_SECONDS, Controller
+from runtime.motion.controller import SETTLE_SECONDS
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
 from runtime.motion.model_files import read_metadata, write_metadata
@@ -27,7 +27,7 @@ from runtime.terrain.courses import CELL_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleKind
 from training.evaluation.metrics.traversal import first_problem
-from training.evaluation.motion.driving import walk_together
+from training.evaluation.motion.driving import characters, walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 
 log = logging.getLogger("sport.train")
@@ -84,13 +84,11 @@ def obstacle_ground(kind: ObstacleKind, size: float) -> Terrain:
 
 def ways_over(model: MotionModel, ground: Terrain, codes: Sequence[Array], gait: Gait) -> list[str]:
     """Led straight over it at full stick from rest, one in each code: the first check that is not passed, empty where all are."""
-    members = [Controller(model, ground) for _ in codes]
-    for member, code in zip(members, codes, strict=True):
-        member.set_style(code, 0.0)
 
     def stick(seconds: float, _: PlanarPose) -> Controls:
         return Controls((0.0, float(seconds >= SETTLE_SECONDS)), gait=gait)
 
+    members = characters(model, ground, codes)
     walks = walk_together(members, stick, round((SETTLE_SECONDS + LONGEST_S) * FPS))
     return [_problem(np.stack([pose.positions for pose in poses]), ground) for poses in walks]
 

@@ -21,7 +21,7 @@ from runtime.motion.features import INPUT_SIZE
 from runtime.motion.model_files import FOLDED, INT8_GRAPH, read_metadata
 from training.arguments import log_progress
 from training.batches import Normalisation
-from training.export.graph import BATCH, export_graph
+from training.export.graph import export_graph
 from training.export.model import StyleGraph
 from training.export.quantize import quantize_step
 from training.export.step import PlainGraph, StepGraph, export_step
@@ -42,17 +42,17 @@ def export_untrained(config: ModelConfig, folder: Path) -> None:
     schedule = Schedule.linear(config.diffusion_steps)
     count = config.inference_steps
     steps = reverse_steps(schedule, schedule.subsequence(count), np.zeros(count))
-    example = (
-        torch.randn(2, INPUT_SIZE),
-        torch.randn(2, config.style_size),
-        torch.randn(2, count, config.experts, size),
+    inputs = {
+        "x": torch.randn(2, INPUT_SIZE),
+        "z": torch.randn(2, config.style_size),
+        "noise": torch.randn(2, count, config.experts, size),
+    }
+    export_graph(PlainGraph(generator, normal, steps), inputs, ["y"], folder / "plain.onnx")
+    style, z = (
+        StyleGraph(generator, torch.zeros(config.style_size + 1, 2)),
+        torch.randn(6, config.style_size // 6),
     )
-    plain = PlainGraph(generator, normal, steps)
-    inputs, shapes = ["x", "z", "noise"], ({0: BATCH}, {0: BATCH}, {0: BATCH})
-    export_graph(plain, example, inputs, ["y"], shapes, folder / "plain.onnx")
-    style = StyleGraph(generator, torch.zeros(config.style_size + 1, 2))
-    z = torch.randn(6, config.style_size // 6)
-    export_graph(style, (z,), ["z"], [*FOLDED, "speeds"], (None,), folder / "style.onnx")
+    export_graph(style, {"z": z}, [*FOLDED, "speeds"], folder / "style.onnx", (None,))
     export_step(StepGraph(generator, normal, steps), generator, count, folder / "step.onnx")
     quantize_step(folder / "step.onnx", folder / f"{INT8_GRAPH}.onnx")
 

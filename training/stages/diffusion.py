@@ -38,13 +38,17 @@ def measure_codes(module: Generator, data: MotionData, session: Session, batches
     rows = RandomRows(data.weights, 2048, 0, data.frames.last, session.generator(5))
     codes = []
     for _ in range(batches):
-        item = next(rows)
-        patch = data.patch(item)
-        e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
-        codes.append(module.target_codes(e, alpha, data.output(item, patch)))
+        codes.append(_captured_codes(module, data, next(rows))[1])
     stacked = torch.cat(codes)
     module.code_mean.copy_(stacked.mean(0))
     module.code_deviation.copy_(stacked.std(0).clamp_min(1e-2))
+
+
+def _captured_codes(module: Generator, data: MotionData, rows: Tensor) -> tuple[Tensor, Tensor]:
+    """E `(B, n)` and what is diffused of captured frames."""
+    patch = data.patch(rows)
+    e, alpha = module.embed(data.input(rows, patch), data.styles(data.frames.clip[rows]))
+    return e, module.target_codes(e, alpha, data.output(rows, patch))
 
 
 def _noised(schedule: Schedule, tau: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
@@ -138,14 +142,11 @@ def estimate_variance(
     spread: list[float] = []
     module.eval()
     for _ in range(batches):
-        item = next(rows)
-        patch = data.patch(item)
-        e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
-        codes = module.target_codes(e, alpha, data.output(item, patch))
+        e, codes = _captured_codes(module, data, next(rows))
         spread.append(float(codes.var(0).mean()))
         noise = torch.randn_like(codes)
         for k, step in enumerate(tau):
-            n = torch.full((len(item),), int(step), device=item.device)
+            n = torch.full((len(e),), int(step), device=e.device)
             for sign in (1.0, -1.0):
                 noisy = add_noise(schedule, codes, n, sign * noise)
                 epsilon = noise_estimate(schedule, noisy, module.denoiser(noisy, e, n), n)

@@ -214,17 +214,19 @@ def _ends(parts: Spread) -> Ends:
 
 
 def _usual(styles: Mapping[str, Mapping[str, Spread]]) -> dict[str, dict[str, list[float]]]:
-    """What trunks do in a gait: of walks the neutral style, of others the quartiles of the styles' middles."""
-    found: dict[str, dict[str, list[float]]] = {}
-    for gait in GAITS:
-        trunks = [own[gait]["torso"] for own in styles.values() if gait in own]
-        if gait == "walk" and PLAIN in styles:
-            own = _ends(styles[PLAIN][gait])["torso"]
-            found[gait] = {name: own[name] for name in USUAL}
-        elif trunks:
-            middles = {name: [trunk[name][1] for trunk in trunks] for name in USUAL}
-            found[gait] = {name: _percentiles(own, QUARTILES_PERCENT) for name, own in middles.items()}
-    return found
+    """What trunks do in each gait that a style has."""
+    found = {gait: _usual_in(gait, styles) for gait in GAITS}
+    return {gait: own for gait, own in found.items() if own}
+
+
+def _usual_in(gait: str, styles: Mapping[str, Mapping[str, Spread]]) -> dict[str, list[float]]:
+    """Of walks what the neutral style does, of other gaits the quartiles of the styles' middles."""
+    if gait == "walk" and PLAIN in styles:
+        own = _ends(styles[PLAIN][gait])["torso"]
+        return {name: own[name] for name in USUAL}
+    trunks = [own[gait]["torso"] for own in styles.values() if gait in own]
+    middles = {name: [trunk[name][1] for trunk in trunks] for name in USUAL if trunks}
+    return {name: _percentiles(own, QUARTILES_PERCENT) for name, own in middles.items()}
 
 
 def _phrases(styles: Mapping[str, Mapping[str, Spread]], usual: Spread) -> dict[str, Any]:

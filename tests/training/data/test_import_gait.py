@@ -35,7 +35,7 @@ def imported(text: str) -> np.ndarray:
     source = load_source(motion, recognise(motion, "march"))
     feet = calibrate_feet([load_source(parse_bvh(march(metres_per_second=0.0)), recognise(motion, "march"))])
     result = retarget(source, feet, None, flex_toes=False)
-    return SPORT_SKELETON.forward_kinematics(result.hips, result.local)[0]
+    return SPORT_SKELETON.forward_kinematics(*result)[0]
 
 
 def test_a_straight_knee_stays_straight_and_a_bent_one_bent() -> None:
@@ -87,7 +87,7 @@ def test_the_trunk_leads_to_the_sources_neck() -> None:
     source = load_source(motion, skeleton)
     feet = calibrate_feet([source])
     result = retarget(source, feet, None, flex_toes=False)
-    positions, _ = SPORT_SKELETON.forward_kinematics(result.hips, result.local)
+    positions, _ = SPORT_SKELETON.forward_kinematics(*result)
     ours = rotations.normalize(positions[:, index("Neck")] - positions[:, 0])
     np.testing.assert_allclose(ours, rotations.normalize(source.trunk), atol=1e-3)
 

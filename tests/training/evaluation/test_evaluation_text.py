@@ -44,7 +44,7 @@ from training.evaluation.text.edits import (
     seed_changes,
 )
 from training.evaluation.text.retrieval import codes_of, first_ranks, held_out_clips, recall
-from training.evaluation.text.walks import Walk, Walker
+from training.evaluation.text.walks import Walker
 
 NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})
 FRAMES = 300
@@ -187,20 +187,20 @@ def test_ranks_count_the_nearest_relevant_entry_and_ties_against_it() -> None:
     relevant = np.array([[0, 1, 1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], bool)
     assert first_ranks(similarity, relevant).tolist() == [2, 2, 1]
     found = recall(similarity, relevant, ["a", "a", "b"])
-    assert (found.r1, found.r3, found.median_rank) == (pytest.approx(1 / 3), 1.0, 2.0)
-    assert found.r1_by_style == 0.5  # of a no query, of b every one
-    assert found.chance_r1 == pytest.approx((2 / 4 + 1 / 4 + 1 / 4) / 3)
+    assert (found["r1"], found["r3"], found["median_rank"]) == (pytest.approx(1 / 3), 1.0, 2.0)
+    assert found["r1_by_style"] == 0.5  # of a no query, of b every one
+    assert found["chance_r1"] == pytest.approx((2 / 4 + 1 / 4 + 1 / 4) / 3)
 
 
 def test_chance_is_what_random_similarities_give() -> None:
     random = np.random.default_rng(1)
     relevant = np.arange(30) % 6 == np.zeros((4000, 1))
     found = recall(random.random((4000, 30)), relevant, ["a"] * 4000)
-    assert found.r1 == pytest.approx(found.chance_r1, abs=0.03)
-    assert found.r3 == pytest.approx(found.chance_r3, abs=0.03)
-    assert abs(found.median_rank - found.chance_rank) <= 1
+    assert found["r1"] == pytest.approx(found["chance_r1"], abs=0.03)
+    assert found["r3"] == pytest.approx(found["chance_r3"], abs=0.03)
+    assert abs(found["median_rank"] - found["chance_rank"]) <= 1
     small = recall(np.ones((1, 1)), np.ones((1, 1), bool), ["a"])
-    assert (small.r1, small.chance_r3) == (1.0, 1.0)
+    assert (small["r1"], small["chance_r3"]) == (1.0, 1.0)
 
 
 def _codes(*numbers: int) -> np.ndarray:
@@ -286,7 +286,7 @@ def test_a_walk_is_made_once_and_always_alike(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(text_walks, "TOGETHER", 1)  # the stand-in counts its frames
     monkeypatch.setattr(text_walks, "_loaded", lambda folder: made.append(folder) or WalkerModel())
     walker = Walker(Path("model"), seconds=0.5)
-    asked = [Walk.of(np.full((6, 64), tilt), 0) for tilt in (0.0, 0.3, 0.0)]
+    asked = [np.full((6, 64), tilt) for tilt in (0.0, 0.3, 0.0)]
     first, tilted, again = walker.make(asked)
     assert first is again
     assert walker.make(asked[1:])[0] is tilted

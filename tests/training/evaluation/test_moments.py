@@ -49,7 +49,7 @@ def ramp(*stretches: tuple[float, float]) -> np.ndarray:
 
 
 def figures(points: Points, script: str, kind: str) -> dict[str, float]:
-    return next(one.figures for one in moments.moments(points, parse_stick(script)) if one.kind == kind)
+    return next(one["figures"] for one in moments.moments(points, parse_stick(script)) if one["kind"] == kind)
 
 
 def test_a_start_and_a_stop_take_the_time_that_they_take() -> None:

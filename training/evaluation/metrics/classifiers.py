@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -39,11 +38,12 @@ class StyleClassifier:
         from sklearn.preprocessing import StandardScaler
 
         chosen = balanced(labels, 1000, seed)
-        classifier = LinearDiscriminantAnalysis(
-            solver="lsqr", shrinkage="auto", priors=_even(np.asarray(labels)[chosen])
-        )
+        styles = np.asarray(labels)[chosen]
+        count = len(np.unique(styles))
+        even = np.full(count, 1.0 / count)
+        classifier = LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto", priors=even)
         self._pipeline: Any = make_pipeline(StandardScaler(), classifier)
-        self._pipeline.fit(features[chosen], np.asarray(labels)[chosen])
+        self._pipeline.fit(features[chosen], styles)
 
     @property
     def labels(self) -> list[str]:
@@ -62,30 +62,18 @@ def balanced(labels: Sequence[str], most: int, seed: int) -> NDArray[np.int64]:
     return np.concatenate([rng.permutation(np.flatnonzero(array == v))[:most] for v in np.unique(array)])
 
 
-def _even(labels: NDArray[np.str_]) -> Array:
-    count = len(np.unique(labels))
-    return np.full(count, 1.0 / count)
+def recognition(answers: Mapping[str, Sequence[str]]) -> dict[str, dict[str, Any]]:
+    """Scores of the classifier's answers for the windows of every style, by style.
 
-
-@dataclass(frozen=True)
-class Recognition:
-    """Fractions of windows that are taken for their own style, by style."""
-
-    windows: dict[str, int]
-    score: dict[str, float]
-    merged_score: dict[str, float]
-    taken_for: dict[str, str]  # the most frequent answer of each style
-
-
-def recognition(answers: Mapping[str, Sequence[str]]) -> Recognition:
-    """Score the classifier's answers for the windows of every style."""
-    windows, score, merged_score, taken_for = {}, {}, {}, {}
-    for style, given in answers.items():
-        if not given:
-            continue
-        windows[style] = len(given)
-        score[style] = float(np.mean([g == style for g in given]))
-        merged_score[style] = float(np.mean([merged(g) == merged(style) for g in given]))
-        names, counts = np.unique(np.asarray(given), return_counts=True)
-        taken_for[style] = str(names[np.argmax(counts)])
-    return Recognition(windows, score, merged_score, taken_for)
+    How many `windows` there are, the fraction taken for their own style (`score`) or for one that looks like it
+    (`merged_score`), and the most frequent answer (`taken_for`).
+    """
+    given = {style: own for style, own in answers.items() if own}
+    return {
+        "windows": {style: len(own) for style, own in given.items()},
+        "score": {style: own.count(style) / len(own) for style, own in given.items()},
+        "merged_score": {
+            style: float(np.mean([merged(g) == merged(style) for g in own])) for style, own in given.items()
+        },
+        "taken_for": {style: max(sorted(set(own)), key=own.count) for style, own in given.items()},
+    }

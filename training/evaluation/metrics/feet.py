@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,76 +14,46 @@ from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 
 GAITS = {"walk": Gait.WALK, "jog": Gait.JOG}
+# at toe joints, the paper's formula; at soles under the toes (joints less their resting height); mean of these and of the
+# soles under heels (ankle joints less theirs)
+SKATING = ("toes", "toe_soles", "soles")
 
 
-@dataclass(frozen=True)
-class Skating:
-    """Sums over frames of s_f (Sec. IV-B2), cm, mean over both feet, so that motions of any length can be added up.
+def foot_skating(positions: Array, terrain: Terrain, chosen: NDArray[np.bool_] | None = None) -> Array:
+    """s_f (Sec. IV-B2) by `SKATING` `(n, 3)` of the frames `chosen` `(T,)` of world joints `(T, 31, 3)`, cm, mean of both feet.
 
-    The means, cm a frame, are NaN without frames.
+    By default of all frames; the first has no speed and never counts.
     """
-
-    frames: int = 0
-    toes_sum: float = 0.0
-    toe_soles_sum: float = 0.0
-    heel_soles_sum: float = 0.0
-
-    def __add__(self, other: Skating) -> Skating:
-        return Skating(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
-
-    @property
-    def toes(self) -> float:
-        """At the toe joints, the paper's formula."""
-        return self.toes_sum / self.frames if self.frames else float("nan")
-
-    @property
-    def toe_soles(self) -> float:
-        """At the soles under the toes: toe joints less their resting height."""
-        return self.toe_soles_sum / self.frames if self.frames else float("nan")
-
-    @property
-    def soles(self) -> float:
-        """Mean of the soles under toes and heels (ankle joints less their resting height)."""
-        both = self.toe_soles_sum + self.heel_soles_sum
-        return 0.5 * both / self.frames if self.frames else float("nan")
-
-    def as_dict(self) -> dict[str, float]:
-        """For results."""
-        return {"toes": self.toes, "toe_soles": self.toe_soles, "soles": self.soles, "frames": self.frames}
+    toes = feet.skating(positions, terrain)
+    toe_soles = feet.skating(positions, terrain, feet.TOES, TOE_HEIGHT)
+    heel_soles = feet.skating(positions, terrain, feet.HEELS, ANKLE_HEIGHT)
+    measures = np.stack([toes, toe_soles, 0.5 * (toe_soles + heel_soles)], -1).mean(1)
+    return measures if chosen is None else measures[chosen[1:]]
 
 
-def foot_skating(positions: Array, terrain: Terrain, chosen: NDArray[np.bool_]) -> Skating:
-    """Skating of the frames `chosen` `(T,)` of world joints `(T, 31, 3)`; the first frame has no speed and never counts."""
-    chosen = np.asarray(chosen, bool)[1:]
-    measures = (
-        feet.skating(positions, terrain),
-        feet.skating(positions, terrain, feet.TOES, TOE_HEIGHT),
-        feet.skating(positions, terrain, feet.HEELS, ANKLE_HEIGHT),
-    )
-    return Skating(int(chosen.sum()), *(float(values[chosen].mean(1).sum()) for values in measures))
+def skating_means(parts: Iterable[Array]) -> dict[str, float]:
+    """Means over the frames of several `foot_skating`, NaN without frames, and how many `frames` there are."""
+    values = np.concatenate([np.zeros((0, len(SKATING))), *parts])
+    means = values.mean(0) if len(values) else np.full(len(SKATING), np.nan)
+    return {**dict(zip(SKATING, means.tolist(), strict=True)), "frames": len(values)}
 
 
-@dataclass(frozen=True)
-class TerrainFeet:
-    """Percentiles in cm over all frames."""
+def terrain_feet(positions: Array, terrain: Terrain) -> dict[str, float]:
+    """Sinking and floating of world joints `(T, 31, 3)`: percentiles in cm over all frames.
 
-    sunk_joint_p99: float  # toe and ankle joints under the ground
-    sunk_sole_p95: float  # points of the sole (joints less their resting height) under the ground
-    sunk_sole_p99: float
-    float_p50: float  # the lowest of the four points of the soles over the ground
-    float_p95: float
-
-
-def terrain_feet(positions: Array, terrain: Terrain) -> TerrainFeet:
-    """Sinking and floating of world joints `(T, 31, 3)`.
-
-    The resting heights hold for a foot that stands flat on level ground; on a slope or over an edge a point of the sole
-    may read a few centimetres off although the foot stands well, so compare with captured motion only.
+    `sunk_joint` are toe and ankle joints under the ground, `sunk_sole` the four points of the soles (joints less their
+    resting height), `float` the lowest of these over the ground. The resting heights hold for a foot that stands flat on
+    level ground; on a slope or over an edge a point of the sole may read a few centimetres off although the foot stands
+    well, so compare with captured motion only.
     In walking at least one foot stands, so the lowest of the four points should lie on the ground; jogging flies.
     """
     heights = 100.0 * feet.joint_heights(positions, terrain, feet.SOLE_POINTS)
     soles = heights - 100.0 * np.array(feet.SOLE_HEIGHTS)
-    sunk_joint = -np.percentile(heights, 1)
-    sunk = -np.percentile(soles, [5, 1])
-    above = np.percentile(soles.min(1), [50, 95])
-    return TerrainFeet(*(max(0.0, float(v)) for v in (sunk_joint, *sunk, *above)))
+    percentiles = {
+        "sunk_joint_p99": -np.percentile(heights, 1),
+        "sunk_sole_p95": -np.percentile(soles, 5),
+        "sunk_sole_p99": -np.percentile(soles, 1),
+        "float_p50": np.percentile(soles.min(1), 50),
+        "float_p95": np.percentile(soles.min(1), 95),
+    }
+    return {name: max(0.0, float(value)) for name, value in percentiles.items()}

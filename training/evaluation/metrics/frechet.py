@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,32 +53,18 @@ class Projection:
         return (features - self.mean) @ self.axes
 
 
-@dataclass(frozen=True)
-class Halves:
-    """Generated against captured windows, and one half of the capture against the other, at the same number of windows."""
-
-    distance: float
-    reference: float  # between the two halves
-    windows: int  # a side
-
-    @property
-    def ratio(self) -> float:
-        """Distance in units of the capture's own scatter."""
-        return self.distance / self.reference if self.reference > 0 else float("nan")
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Two ways of cutting the capture into halves."""
-
-    takes: Halves  # every take whole on one side or the other: what another performance of the same style is worth
-    within: Halves  # every take cut in the middle: the same performance, a few seconds apart
+# `distance` of generated to captured windows, its `reference` (one half of the capture to the other), their `ratio`, and
+# the number of `windows` a side
+Distances = dict[str, Any]
 
 
 def compare(
     generated: Array, captured: Array, units: Sequence[int] | NDArray[np.integer], seed: int = 0
-) -> Comparison:
+) -> Distances:
     """Compare rows `(N, k)` with rows `(M, k)`, as means over `SEEDS` random cuts of the capture into two halves.
+
+    Every take is cut in the middle: the same performance, a few seconds apart. `takes` holds the same with every take whole
+    on one side or the other: what another performance of the same style is worth.
 
     `units` `(M,)` are 2 s in the first and 2 s + 1 in the second half of take s, and -1 - s in windows that reach over its
     middle, which are left out where takes are cut. Takes 2 p and 2 p + 1 are much alike (neighbours in speed): of such a
@@ -97,7 +84,7 @@ def compare(
         whole, flip = unit >= 0, rng.integers(0, 2, count)
         first_side = unit % 2 == flip[take]
         by_half.append(_draw(generated, captured, whole & first_side, whole & ~first_side, rng))
-    return Comparison(_mean(by_take), _mean(by_half))
+    return {**_mean(by_half), "takes": _mean(by_take)}
 
 
 def _draw(
@@ -106,8 +93,8 @@ def _draw(
     first: NDArray[np.bool_],
     second: NDArray[np.bool_],
     rng: np.random.Generator,
-) -> Halves | None:
-    """One cut, with the smaller side's number of windows; None where a side has less than two."""
+) -> tuple[float, float, int] | None:
+    """Distance, reference and windows a side of one cut, as many as the smaller side has; None for fewer than two."""
     sides = np.flatnonzero(first), np.flatnonzero(second)
     n = min(*(len(side) for side in sides), len(generated), MAX_WINDOWS)
     if n < 2:
@@ -115,16 +102,13 @@ def _draw(
     own, other = (captured[rng.permutation(side)[:n]] for side in sides)
     both = captured[rng.permutation(np.concatenate(sides))[:n]]
     drawn = generated[rng.permutation(len(generated))[:n]]
-    return Halves(frechet_distance(drawn, both), frechet_distance(own, other), n)
+    return frechet_distance(drawn, both), frechet_distance(own, other), n
 
 
-def _mean(cuts: Sequence[Halves | None]) -> Halves:
+def _mean(cuts: Sequence[tuple[float, float, int] | None]) -> Distances:
     """Of the cuts that gave two sides."""
-    found = [c for c in cuts if c is not None]
-    if not found:
-        return Halves(float("nan"), float("nan"), 0)
-    return Halves(
-        float(np.mean([c.distance for c in found])),
-        float(np.mean([c.reference for c in found])),
-        min(c.windows for c in found),
-    )
+    found = [cut for cut in cuts if cut is not None] or [(float("nan"), float("nan"), 0)]
+    distance, reference, _ = np.mean(found, axis=0).tolist()
+    ratio = distance / reference if reference > 0 else float("nan")
+    windows = min(count for *_, count in found)
+    return {"distance": distance, "reference": reference, "windows": windows, "ratio": ratio}

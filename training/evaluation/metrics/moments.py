@@ -8,8 +8,8 @@ measured alike.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,15 +39,10 @@ LIMBS = ("lw", "rw", "head", "lk", "rk")
 Points = dict[str, Array]
 
 
-@dataclass(frozen=True)
-class Moment:
-    """What happens in a segment of the stick: its kind, its gait, its first and last frame and its figures."""
-
-    kind: str  # "start", "stop", "turn", "spin" (a turn on the spot), "change" (of gait), "steady", "stand", "jump"
-    gait: str  # which is started, stopped or gone in; "half walk" with half of the stick
-    first: int
-    end: int
-    figures: dict[str, float]
+# what happens in a segment of the stick: its `kind` ("start", "stop", "turn", "spin" (a turn on the spot), "change" (of
+# gait), "steady", "stand", "jump"), the `gait` that is started, stopped or gone in ("half walk" with half of the stick), its
+# `first` and last frame (`end`) and its `figures`
+Moment = dict[str, Any]
 
 
 def read_points(path: Path) -> Points:
@@ -193,10 +188,11 @@ def moments(p: Points, script: StickScript) -> list[Moment]:
         "spin": curves.turn_figures,
         "jump": curves.jump_figures,
     }
-    return [
-        Moment(kind, gait, first, end, of[kind](first, end) if kind in of else {})
-        for kind, gait, first, end in _segments(script, len(p["hips"]))
-    ]
+    found = []
+    for kind, gait, first, end in _segments(script, len(p["hips"])):
+        figures = of[kind](first, end) if kind in of else {}
+        found.append({"kind": kind, "gait": gait, "first": first, "end": end, "figures": figures})
+    return found
 
 
 def _segments(script: StickScript, frames: int) -> Iterator[tuple[str, str, int, int]]:
@@ -264,24 +260,24 @@ def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
 
 def raw_start(p: Points) -> dict[str, float]:
     """Of a take that begins at rest and goes: from the first frame that moves to 90 % of the steady speed."""
-    curves = Curves(p)
-    v = curves.hips
-    steady = float(np.median(v[v > 0.5 * v.max()]))
-    begins = np.flatnonzero(
-        v[: int(np.argmax(v > REACHED_SPEED_FRACTION * steady)) + 1] < STANDING_SPEED_M_PER_S
-    )
-    return curves.start_figures(int(begins[-1]) if len(begins) else 0, len(v), steady)
+    curves, steady, reached = _going(p)
+    begins = np.flatnonzero(curves.hips[: reached[0] + 1] < STANDING_SPEED_M_PER_S)
+    return curves.start_figures(int(begins[-1]) if len(begins) else 0, len(curves.hips), steady)
 
 
 def raw_stop(p: Points) -> dict[str, float]:
     """Of a take that goes and ends at rest: from the last frame at 90 % of the steady speed to the first that stands."""
+    curves, _, reached = _going(p)
+    last = int(reached[-1])
+    stands = (curves.hips[last:] < STANDING_SPEED_M_PER_S).any()
+    return curves.stop_figures(last, len(curves.hips) + 2, last + 1) if stands else {}
+
+
+def _going(p: Points) -> tuple[Curves, float, NDArray[np.intp]]:
+    """The curves of a take, its steady speed, and the frames that reach 90 % of it."""
     curves = Curves(p)
-    v = curves.hips
-    steady = float(np.median(v[v > 0.5 * v.max()]))
-    last = int(np.flatnonzero(v > REACHED_SPEED_FRACTION * steady)[-1])
-    return (
-        curves.stop_figures(last, len(v) + 2, last + 1) if (v[last:] < STANDING_SPEED_M_PER_S).any() else {}
-    )
+    steady = float(np.median(curves.hips[curves.hips > 0.5 * curves.hips.max()]))
+    return curves, steady, np.flatnonzero(curves.hips > REACHED_SPEED_FRACTION * steady)
 
 
 def raw_turns(p: Points) -> dict[str, float]:

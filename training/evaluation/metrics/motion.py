@@ -16,7 +16,8 @@ from runtime.motion.features import FPS
 from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from training.frames import PAD, extrapolate, repeat_ends, root_motion
+from training.data.clips import Patches
+from training.frames import RootPath
 
 WINDOW_SAMPLES = 40  # T of the content encoder
 WINDOW_STRIDE = 2  # frames between two samples, as in stage 1
@@ -31,8 +32,6 @@ class RootFeatures:
     joints: Array  # (T, 31, 3) metres; heights over the reference ground
     rotations: Array  # (T, 31, 6)
     velocity: Array  # (T, 3) m/s in x and z, rad/s
-    xz: Array  # (T, 2) world
-    yaw: Array  # (T,)
 
 
 @dataclass(frozen=True)
@@ -76,21 +75,13 @@ class Motion:
         positions, world = SPORT_SKELETON.forward_kinematics(
             self.hips.astype(np.float64), self.local.astype(np.float64)
         )
-        xz, yaw = root_motion(positions)
-        padded_xz, padded_yaw = extrapolate(xz), repeat_ends(yaw[:, None])[:, 0]
-        now = np.arange(len(xz)) + PAD
-        window = now[:, None] + features.TRAJECTORY_OFFSETS
-        path, angle = padded_xz[window], padded_yaw[window]
-        points = features.height_points(path, np.stack([np.sin(angle), np.cos(angle)], -1))
+        path = RootPath.of(positions)
+        points = features.height_points(path.padded_root[path.window], path.directions[path.window])
         ground = features.ground_height(self.terrain.height(points[..., 0], points[..., 1]))
-        displacement = features.to_root(padded_xz[now + 1] - xz, yaw) * FPS
-        turn = (padded_yaw[now + 1] - yaw) * FPS
         return RootFeatures(
-            features.relative_joints(positions, xz, ground, yaw).astype(np.float32),
-            features.relative_rotations(world, yaw).astype(np.float32),
-            np.concatenate([displacement, turn[:, None]], 1).astype(np.float32),
-            xz,
-            yaw,
+            features.relative_joints(positions, path.root, ground, path.yaw).astype(np.float32),
+            features.relative_rotations(world, path.yaw).astype(np.float32),
+            path.velocity.astype(np.float32),
         )
 
 
@@ -103,13 +94,6 @@ def mean_speed(positions: Array) -> float:
 def load_motion(path: Path) -> Motion:
     """A clip file of the importer on its own ground; FileError when it is none."""
     with open_npz(path, "Run the importer again.") as clip:
-        origin = clip["patch_origin"]
-        ground = Terrain(
-            path.stem,
-            clip["patch_heights"][0].astype(np.float32),
-            float(clip["patch_cell"]),
-            (float(origin[0]), float(origin[1])),
-        )
         return Motion(
             path.stem,
             str(clip["style"]),
@@ -117,7 +101,7 @@ def load_motion(path: Path) -> Motion:
             clip["local_rotations"],
             clip["contacts"].astype(np.float32),
             clip["gait"].argmax(1),
-            ground,
+            Patches.of(clip).terrain(name=path.stem),
             str(clip["split"]) == "held_out",
             str(clip["source"]),
         )

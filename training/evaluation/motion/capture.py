@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from training.evaluation.metrics.classifiers import (
     StyleClassifier,
 )
 from training.evaluation.metrics.features import WindowSet, joined, window_set
-from training.evaluation.metrics.feet import GAITS, Skating, foot_skating
+from training.evaluation.metrics.feet import GAITS, foot_skating, skating_means
 from training.evaluation.metrics.frechet import Projection
 from training.evaluation.metrics.motion import (
     GESTURES,
@@ -193,6 +193,11 @@ class EvaluationPlan:
         return list(self.segments)
 
     @property
+    def styles(self) -> list[str]:
+        """Captured styles."""
+        return [group for group in self.groups if group != TERRAIN_GROUP]
+
+    @property
     def feature_sets(self) -> list[str]:
         return ["kinematic"] if self.encoder is None else ["encoder", "kinematic"]
 
@@ -201,20 +206,16 @@ class EvaluationPlan:
         key = name, components
         if key not in self._kept:
             self._kept[key] = Projection.fit(self.training.of(name), components, name == "kinematic")
-        return cast(Projection, self._kept[key])
+        return self._kept[key]
 
-    def captured_skating(self, group: str, gait: str) -> tuple[Skating, bool]:
-        """Of a group's held-out clips in a gait, or of all its clips (False) where those are too short."""
+    def captured_skating(self, group: str, gait: str) -> dict[str, Any]:
+        """Skating of a group's `held_out` clips in a gait, or of all its clips where those are too short."""
         key = group, gait
         if key not in self._kept:
             held_out = self.capture.seconds(group, GAITS[gait], True) >= MIN_GAIT_SECONDS
-            total = Skating()
-            for clip in self.capture.of(group, True if held_out else None):
-                if clip.gaits.get(GAITS[gait], 0):
-                    motion = load_motion(clip.path)
-                    total += foot_skating(motion.positions, motion.terrain, motion.gait == GAITS[gait])
-            self._kept[key] = total, held_out
-        return cast(tuple[Skating, bool], self._kept[key])
+            found = clip_skating(self.capture.of(group, True if held_out else None), GAITS[gait])
+            self._kept[key] = found | {"held_out": held_out}
+        return self._kept[key]
 
     def style_of(self, group: str) -> str:
         """The style whose descriptions a group is generated with."""
@@ -227,11 +228,14 @@ class EvaluationPlan:
         return [n for n, g in GAITS.items() if self.capture.seconds(group, g) >= MIN_GAIT_SECONDS]
 
 
+def clip_skating(clips: Iterable[ClipInfo], gait: Gait) -> dict[str, float]:
+    """Skating of captured clips while they are in a gait."""
+    motions = (load_motion(clip.path) for clip in clips if clip.gaits.get(gait, 0))
+    return skating_means(foot_skating(m.positions, m.terrain, m.gait == gait) for m in motions)
+
+
 def make_plan(
-    clips: Path,
-    styles: list[str] | None,
-    options: Options,
-    encoder: ExportedMotionEncoder | None,
+    clips: Path, styles: list[str] | None, options: Options, encoder: ExportedMotionEncoder | None
 ) -> EvaluationPlan:
     """Read the capture and train the classifier; FileError when the clips do not do."""
     capture = read_capture(clips, styles)

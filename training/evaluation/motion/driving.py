@@ -29,7 +29,7 @@ from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from training.data.labels import STAND_SPEED
 from training.evaluation.metrics.motion import Motion
-from training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
+from training.frames import PAD, RootPath, repeat_ends, root_motion, smooth
 
 # simulated before the scored part, so that standing still and the start pose are over
 LEAD_IN_FRAMES = 2 * FPS
@@ -94,6 +94,16 @@ class Track:
             source="generated",
             unlocked=SPORT_SKELETON.forward_kinematics(unlocked_hips, unlocked)[0].astype(np.float32),
         )
+
+
+def characters(
+    model: MotionModel, ground: Terrain, codes: Sequence[Array], seeds: Sequence[int] = (), **settings: float
+) -> list[Controller]:
+    """Characters at the start, each in a style Z^t `(6, 64)`; seeds are 0 where none are given."""
+    members = [Controller(model, ground, seed, **settings) for seed in seeds or [0] * len(codes)]
+    for member, code in zip(members, codes, strict=True):
+        member.set_style(code, 0.0)
+    return members
 
 
 def walked(
@@ -173,9 +183,9 @@ def follow(
     """
     requests = requests_of(clip, LEAD_IN_FRAMES)
     # a captured velocity has a body's momentum already
-    controller = Controller(model, clip.terrain, seed, temperature, response=MAX_RESPONSE)
-    controller.set_style(z, 0.0)
-    controller.reset(float(requests.xz[0, 0]), float(requests.xz[0, 1]), float(requests.yaw[0]))
+    settings = {"temperature": temperature, "response": MAX_RESPONSE}
+    (controller,) = characters(model, clip.terrain, [z], [seed], **settings)
+    controller.reset(*map(float, requests.xz[0]), float(requests.yaw[0]))
     (track,) = walked([controller], partial(_stick, requests), len(requests.xz))
     return track.motion(clip.name, clip.style, clip.gait, LEAD_IN_FRAMES)
 
@@ -207,9 +217,8 @@ class ReplayTrajectory(Trajectory):
     @staticmethod
     def of(clip: Motion, began: Trajectory) -> ReplayTrajectory:
         """From the clip's first frame on, in the place of the trajectory of a character that has just begun."""
-        made = ReplayTrajectory(**vars(began))
-        xz, yaw = root_motion(clip.positions.astype(np.float64))
-        made.clip_xz, made.clip_yaw = extrapolate(xz), repeat_ends(yaw[:, None])[:, 0]
+        made, path = ReplayTrajectory(**vars(began)), RootPath.of(clip.positions.astype(np.float64))
+        made.clip_xz, made.clip_yaw = path.padded_root, path.padded_yaw
         made.clip_gait = repeat_ends(np.eye(features.GAITS)[clip.gait])
         made.number = 0
         return made
@@ -228,8 +237,7 @@ def replay(model: MotionModel, clip: Motion, z: Array, seed: int, temperature: f
 
     The first `lead_in` frames are run at temperature 0: two runs that differ in their seed begin in the same pose.
     """
-    controller = Controller(model, clip.terrain, seed, 0.0)
-    controller.set_style(z, 0.0)
+    (controller,) = characters(model, clip.terrain, [z], [seed], temperature=0.0)
     state = copied(controller.state)
     state.trajectory = ReplayTrajectory.of(clip, state.trajectory)
     controller.put(state, state.styles[0].codes)
@@ -253,15 +261,14 @@ def transitions(model: MotionModel, changes: Sequence[tuple[Array, Array]], seed
 
     The blend takes a second, as the viewer's does; three seconds of walking lie around it.
     """
-    ground = flat_ground()
-    members = [Controller(model, ground, seed + k) for k in range(len(changes))]
-    shown: list[list[Pose]] = [[] for _ in members]
-    for number, frames, blend in ((0, LEAD_IN_FRAMES + STEADY_FRAMES, 0.0), (1, STEADY_FRAMES, 1.0)):
-        for member, codes in zip(members, changes, strict=True):
-            member.set_style(codes[number], blend)
-        for poses, more in zip(shown, walk_together(members, lambda *_: FORWARD, frames), strict=True):
-            poses += more
-    return [np.stack([pose.positions for pose in poses[LEAD_IN_FRAMES:]]) for poses in shown]
+    before, after = zip(*changes, strict=True)
+    members = characters(model, flat_ground(), before, range(seed, seed + len(changes)))
+    shown = walk_together(members, lambda *_: FORWARD, LEAD_IN_FRAMES + STEADY_FRAMES)
+    for member, code in zip(members, after, strict=True):
+        member.set_style(code, 1.0)
+    ends = walk_together(members, lambda *_: FORWARD, STEADY_FRAMES)
+    pairs = zip(shown, ends, strict=True)
+    return [np.stack([pose.positions for pose in [*a[LEAD_IN_FRAMES:], *b]]) for a, b in pairs]
 
 
 def measured_files(clips: Iterable[Clip], measure: Callable[[Path], Measured]) -> list[Measured]:
@@ -323,10 +330,10 @@ def run_ring(
     """
     course = ring()
     places = [int(np.random.default_rng(walk.seed).integers(POINTS)) for walk in walks]
-    members = [
-        _placed(Controller(model, terrain, walk.seed), walk.code, course, place)
-        for walk, place in zip(walks, places, strict=True)
-    ]
+    members = characters(model, terrain, [walk.code for walk in walks], [walk.seed for walk in walks])
+    for member, place in zip(members, places, strict=True):
+        heading = course[(place + 5) % POINTS] - course[place]
+        member.reset(*map(float, course[place]), float(np.arctan2(*heading)))
     sticks = [_along(course, place, walk.gait) for place, walk in zip(places, walks, strict=True)]
     tracks = walked(members, sticks, LEAD_IN_FRAMES + round(seconds * FPS))
     made = []
@@ -344,29 +351,12 @@ def _along(course: Array, place: int, gait: Gait) -> Stick:
     def stick(member: Controller, frame: int) -> Controls:
         nonlocal place
         root = member.pose.root_position[[0, 2]].astype(np.float64)
-        place = _nearest(course, root, place)
-        return Controls(_towards(course, root, place), gait=gait)
+        # the nearest point among those ahead of the last one: the ring is never cut short
+        ahead = (place + np.arange(-5, POINTS // 12)) % POINTS
+        place = int(ahead[np.argmin(np.square(course[ahead] - root).sum(-1))])
+        spacing = float(np.linalg.norm(course[(place + 1) % POINTS] - course[place]))
+        way = course[(place + max(1, round(LOOK_AHEAD_M / spacing))) % POINTS] - root
+        x, z = way / max(float(np.linalg.norm(way)), 1e-6)
+        return Controls((float(x), float(z)), gait=gait)
 
     return stick
-
-
-def _placed(member: Controller, code: Array, course: Array, place: int) -> Controller:
-    """The controller on a point of the course, facing along it."""
-    member.set_style(code, 0.0)
-    heading = course[(place + 5) % POINTS] - course[place]
-    x, z = (float(v) for v in course[place])
-    member.reset(x, z, float(np.arctan2(*heading)))
-    return member
-
-
-def _nearest(course: Array, root: Array, last: int) -> int:
-    """The nearest point among those ahead of the last one: the ring is never cut short."""
-    ahead = (last + np.arange(-5, POINTS // 12)) % POINTS
-    return int(ahead[np.argmin(np.square(course[ahead] - root).sum(-1))])
-
-
-def _towards(course: Array, root: Array, place: int) -> tuple[float, float]:
-    spacing = float(np.linalg.norm(course[(place + 1) % POINTS] - course[place]))
-    target = course[(place + max(1, round(LOOK_AHEAD_M / spacing))) % POINTS]
-    x, z = (target - root) / max(float(np.linalg.norm(target - root)), 1e-6)
-    return float(x), float(z)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ from runtime.terrain.library import make_terrain
 from training.evaluation import log
 from training.evaluation.metrics.classifiers import recognition
 from training.evaluation.metrics.features import WindowSet, joined, window_set
-from training.evaluation.metrics.feet import GAITS, Skating, foot_skating, terrain_feet
-from training.evaluation.metrics.frechet import Comparison, compare, frechet_distance
+from training.evaluation.metrics.feet import GAITS, foot_skating, skating_means, terrain_feet
+from training.evaluation.metrics.frechet import Distances, compare, frechet_distance
 from training.evaluation.metrics.motion import (
     DIVERSITY_FRAMES,
     DIVERSITY_LEAD_IN,
@@ -27,9 +26,9 @@ from training.evaluation.metrics.motion import (
 from training.evaluation.motion.capture import (
     OVERALL_COMPONENTS,
     STYLE_COMPONENTS,
-    TERRAIN_GROUP,
     ClipInfo,
     EvaluationPlan,
+    clip_skating,
 )
 from training.evaluation.motion.driving import (
     STEADY_FRAMES,
@@ -68,18 +67,14 @@ def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, An
 # --- along captured paths ---------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Followed:
-    """What came of leading the character along a group's segments."""
+def follow_group(
+    plan: EvaluationPlan, evaluated: EvaluatedModel, group: str
+) -> tuple[WindowSet, WindowSet, dict[str, float]]:
+    """Lead the character along every segment of a group, in descriptions that take turns.
 
-    windows: WindowSet  # of the segments, one take each
-    recognised: WindowSet  # of the held-out segments (of all, where there are none), several takes
-    path_error: float  # m, mean distance from the clip's root at the same time
-    speed_ratio: float  # distance travelled over the clip's
-
-
-def follow_group(plan: EvaluationPlan, evaluated: EvaluatedModel, group: str) -> Followed:
-    """Lead the character along every segment of a group, in descriptions that take turns."""
+    Windows of the segments, one take each; windows of the held-out segments (of all, where there are none), several takes;
+    the mean distance from the clip's root at the same time, metres, and the distance travelled over the clip's.
+    """
     segments, style = plan.segments[group], plan.style_of(group)
     errors, distances = [], []
 
@@ -97,55 +92,41 @@ def follow_group(plan: EvaluationPlan, evaluated: EvaluatedModel, group: str) ->
     again = [take(k, k + number) for number in range(1, takes) for k in tested]
     own = window_set((first[k] for k in tested), None)
     captured, made = np.sum(distances, axis=0)
-    return Followed(
-        window_set(first, plan.encoder),
-        joined([own, window_set(again, None)]),
-        float(np.concatenate(errors).mean()),
-        float(made / max(captured, 1e-6)),
-    )
+    path = {
+        "path_error_m": float(np.concatenate(errors).mean()),
+        "speed_ratio": float(made / max(captured, 1e-6)),
+    }
+    return window_set(first, plan.encoder), joined([own, window_set(again, None)]), path
 
 
 def score_following(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
     """Distances per style and overall, recognition, path and speed along the captured paths."""
-    done: dict[str, Followed] = {}
+    windows, recognised, styles = {}, {}, {}
     for number, group in enumerate(plan.groups):
         log.info(f"{evaluated.name}: following {number + 1}/{len(plan.groups)}: {group}")
-        done[group] = follow_group(plan, evaluated, group)
-    styles = [g for g in plan.groups if g != TERRAIN_GROUP]
+        windows[group], recognised[group], path = follow_group(plan, evaluated, group)
+        styles[group] = {"fmd": _distances(plan, {group: windows[group]}, STYLE_COMPONENTS), **path}
     return {
-        "styles": {
-            group: {
-                "fmd": _distances(plan, {group: made.windows}, STYLE_COMPONENTS),
-                "path_error_m": made.path_error,
-                "speed_ratio": made.speed_ratio,
-            }
-            for group, made in done.items()
-        },
-        "fmd": _distances(plan, {g: done[g].windows for g in styles}, OVERALL_COMPONENTS),
-        "recognition": _recognition(plan, {g: done[g].recognised for g in styles}),
+        "styles": styles,
+        "fmd": _distances(plan, {style: windows[style] for style in plan.styles}, OVERALL_COMPONENTS),
+        "recognition": _recognition(plan, {style: recognised[style] for style in plan.styles}),
     }
 
 
-def _distances(plan: EvaluationPlan, windows: dict[str, WindowSet], components: int) -> dict[str, Any]:
+def _distances(plan: EvaluationPlan, windows: dict[str, WindowSet], components: int) -> dict[str, Distances]:
     """By feature set the Frechet distance of groups' windows to the captured ones, and the capture's own."""
     reference, made = joined(plan.reference[g] for g in windows), joined(windows.values())
     result = {}
     for name in plan.feature_sets:
         project = plan.projection(name, components)
-        found = compare(project(made.of(name)), project(reference.of(name)), reference.unit)
-        result[name] = _as_data(found)
+        result[name] = compare(project(made.of(name)), project(reference.of(name)), reference.unit)
     return result
-
-
-def _as_data(c: Comparison) -> dict[str, Any]:
-    within = {**asdict(c.within), "ratio": c.within.ratio}
-    return within | {"takes": asdict(c.takes) | {"ratio": c.takes.ratio}}
 
 
 def _recognition(plan: EvaluationPlan, windows: dict[str, WindowSet]) -> dict[str, Any]:
     """Of the groups that the classifier knows."""
     known = {g: w for g, w in windows.items() if g in plan.classifier.labels}
-    return asdict(recognition({g: plan.classifier.predict(w.for_classifier) for g, w in known.items()}))
+    return recognition({g: plan.classifier.predict(w.for_classifier) for g, w in known.items()})
 
 
 # --- on courses -------------------------------------------------------------------------------------------------------
@@ -154,11 +135,9 @@ def _recognition(plan: EvaluationPlan, windows: dict[str, WindowSet]) -> dict[st
 def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
     """Skating before and after foot lock, path error and speed, per style and gait, on level and on rough ground."""
     result: dict[str, Any] = {}
-    styles = [g for g in plan.groups if g != TERRAIN_GROUP and plan.gaits(g)]
-    walks = _walks(plan, evaluated, styles, GAITS)
+    walks = _walks(plan, evaluated, [style for style in plan.styles if plan.gaits(style)], GAITS)
     for walk in walks:
-        captured, held_out = plan.captured_skating(walk.style, walk.gait.label)
-        found = {"captured": captured.as_dict() | {"held_out": held_out}}
+        found = {"captured": plan.captured_skating(walk.style, walk.gait.label)}
         result.setdefault(walk.style, {})[walk.gait.label] = found
     for ground in (flat_ground(), make_terrain("rough", plan.options.seed)):
         log.info(f"{evaluated.name}: courses on {ground.name}")
@@ -183,10 +162,9 @@ def _walks(
 def _course_scores(run: RingRun) -> dict[str, Any]:
     motion = run.motion
     assert motion.unlocked is not None
-    everything = np.ones(len(motion), bool)
     return {
-        "before": foot_skating(motion.unlocked, motion.terrain, everything).as_dict(),
-        "after": foot_skating(motion.positions, motion.terrain, everything).as_dict(),
+        "before": skating_means([foot_skating(motion.unlocked, motion.terrain)]),
+        "after": skating_means([foot_skating(motion.positions, motion.terrain)]),
         "path_error_m": float(run.path_error.mean()),
         "speed_m_s": mean_speed(motion.positions),
         "requested_m_s": float(run.requested_speed.mean()),
@@ -204,15 +182,15 @@ def score_terrain(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, 
             walks = _walks(plan, evaluated, styles, (gait,))
             rows = []
             for run in run_ring(evaluated.model, ground, walks, plan.options.course_seconds):
-                feet = asdict(terrain_feet(run.motion.positions, ground))
-                rows.append(feet | {"path_error_m": run.path_error.mean()})
+                feet = terrain_feet(run.motion.positions, ground)
+                rows.append({**feet, "path_error_m": run.path_error.mean()})
             if rows:
                 result[f"{name} {gait}"] = {key: float(np.mean([r[key] for r in rows])) for key in rows[0]}
     return result
 
 
 def _walking_styles(plan: EvaluationPlan) -> list[str]:
-    styles = [g for g in plan.groups if g != TERRAIN_GROUP and "walk" in plan.gaits(g)]
+    styles = [style for style in plan.styles if "walk" in plan.gaits(style)]
     order = np.random.default_rng(plan.options.seed).permutation(len(styles))
     mixed = [styles[i] for i in order]
     return sorted(mixed, key=lambda s: s != "neutral")  # stable: the rest stays mixed
@@ -224,9 +202,7 @@ def _walking_styles(plan: EvaluationPlan) -> list[str]:
 def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, float]:
     """Jerk around changes of prompt between random styles, walking, against that inside the styles."""
     rng = np.random.default_rng(plan.options.seed + 2)
-    seed = plan.options.seed
-    count = plan.options.transitions
-    styles = _walking_styles(plan)
+    count, styles = plan.options.transitions, _walking_styles(plan)
     if len(styles) < 2:
         return {}
     log.info(f"{evaluated.name}: {count} transitions")
@@ -235,7 +211,7 @@ def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[s
         (evaluated.style(styles[one], k), evaluated.style(styles[other], k))
         for k, (one, other) in enumerate(pairs)
     ]
-    walks = transitions(evaluated.model, codes, seed)
+    walks = transitions(evaluated.model, codes, plan.options.seed)
     ratios = [transition_jerk(positions, STEADY_FRAMES) for positions in walks]
     return {"ratio": float(np.mean(ratios)), "count": count}
 
@@ -282,23 +258,14 @@ def diversity_clips(plan: EvaluationPlan) -> Iterator[Motion]:
 def score_held_out(plan: EvaluationPlan) -> dict[str, Any]:
     """The capture's own held-out clips, scored by the same code."""
     log.info("held-out capture")
-    styles = [g for g in plan.groups if g != TERRAIN_GROUP and len(plan.held_out[g])]
+    styles = [style for style in plan.styles if len(plan.held_out[style])]
+    clips = [clip for style in styles for clip in plan.capture.of(style, True)]
     return {
         "name": "held-out capture",
         "fmd": {n: _split_distance(plan, n, styles) for n in plan.feature_sets},
-        "skating": _held_out_skating(plan, styles),
+        "skating": {name: clip_skating(clips, gait) for name, gait in GAITS.items()},
         "recognition": _recognition(plan, {g: plan.held_out[g] for g in styles}),
     }
-
-
-def _held_out_skating(plan: EvaluationPlan, styles: list[str]) -> dict[str, dict[str, float]]:
-    """By gait, of the held-out clips of these styles."""
-    skating = {gait: Skating() for gait in GAITS}
-    for clip in (clip for style in styles for clip in plan.capture.of(style, True)):
-        motion = load_motion(clip.path)
-        for name, gait in GAITS.items():
-            skating[name] += foot_skating(motion.positions, motion.terrain, motion.gait == gait)
-    return {gait: found.as_dict() for gait, found in skating.items()}
 
 
 def _split_distance(plan: EvaluationPlan, name: str, styles: list[str]) -> dict[str, float]:

@@ -102,18 +102,12 @@ def _styles(model: dict[str, Any], held_out: dict[str, Any], sets: Sequence[str]
     for style, found in model["following"]["styles"].items():
         fmd, known = found["fmd"], "–"
         if style in own["score"]:
-            known = f"{own['score'][style]:.2f} / {target['score'][style]:.2f}"
-            known += _taken(style, own["score"][style], own["taken_for"][style])
-        rows.append(
-            [
-                style,
-                *(_distance(fmd[n]) for n in sets),
-                f"{fmd[sets[0]]['takes']['windows']} / {fmd[sets[0]]['windows']}",
-                known,
-                f"{found['speed_ratio']:.2f}",
-                f"{found['path_error_m']:.2f}",
-            ]
-        )
+            score, taken_for = own["score"][style], own["taken_for"][style]
+            known = f"{score:.2f} / {target['score'][style]:.2f}"
+            known += f" ({taken_for})" if score < 0.5 and taken_for != style else ""
+        windows = f"{fmd[sets[0]]['takes']['windows']} / {fmd[sets[0]]['windows']}"
+        speed, error = f"{found['speed_ratio']:.2f}", f"{found['path_error_m']:.2f}"
+        rows.append([style, *(_distance(fmd[n]) for n in sets), windows, known, speed, error])
     head = ["style", *(f"FMD {n}" for n in sets), "windows", "recognised: own / held out"]
     return table([*head, "speed", "path error (m)"], rows)
 
@@ -122,10 +116,6 @@ def _distance(found: dict[str, Any]) -> str:
     """The distance, and in brackets what it is of that between two halves: of whole takes, and of takes cut in two."""
     ratios = f"{number(found['takes']['ratio'], 1)} x, {number(found['ratio'], 1)} x"
     return f"{number(found['takes']['distance'], 1)} ({ratios})"
-
-
-def _taken(style: str, score: float, taken_for: str) -> str:
-    return f" ({taken_for})" if score < 0.5 and taken_for != style else ""
 
 
 def _skating(model: dict[str, Any]) -> list[str]:
@@ -174,14 +164,7 @@ def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Demand]:
     """All bars of one model's scores."""
     bars = _distance_bars(model["following"])
     for measure, words in MEASURES.items():
-        flat, normal, rough = _skating_cases(model["courses"], measure)
-        bars += [
-            _bar(
-                f"skating on flat ground after lock, {words}: at most the capture's in the same style", flat
-            ),
-            _bar(f"skating of a normal walk and jog, {words}: at most {MAX_NORMAL_SKATING_CM} cm", normal),
-            _bar(f"skating on rough ground, {words}: at most {ROUGH_RATIO} times that on flat", rough),
-        ]
+        bars += [_bar(name.format(words), c) for name, c in _skating_cases(model["courses"], measure).items()]
     score, target = model["following"]["recognition"]["score"], held_out["recognition"]["score"]
     known = [(s, own, RECOGNITION_FRACTION * target[s]) for s, own in score.items() if target.get(s)]
     name = "style recognition: at least 80 % of the held-out capture's score"
@@ -214,8 +197,8 @@ def _walks(group: str) -> bool:
     return group != TERRAIN_GROUP and not group.startswith(GESTURES)
 
 
-def _skating_cases(courses: dict[str, Any], measure: str) -> tuple[list, list, list]:
-    """Cases (name, value, limit) of the three skating bars."""
+def _skating_cases(courses: dict[str, Any], measure: str) -> dict[str, list[tuple[str, float, float]]]:
+    """Cases (name, value, limit) of the three bars of skating; {} in their names is how it is measured."""
     flat, normal, rough = [], [], []
     for style, gaits in courses.items():
         for gait, found in gaits.items():
@@ -226,7 +209,11 @@ def _skating_cases(courses: dict[str, Any], measure: str) -> tuple[list, list, l
             if style in NORMAL_STYLES:
                 normal.append((name, value, MAX_NORMAL_SKATING_CM))
             rough.append((name, found["rough"]["after"][measure], ROUGH_RATIO * value))
-    return flat, normal, rough
+    return {
+        "skating on flat ground after lock, {}: at most the capture's in the same style": flat,
+        f"skating of a normal walk and jog, {{}}: at most {MAX_NORMAL_SKATING_CM} cm": normal,
+        f"skating on rough ground, {{}}: at most {ROUGH_RATIO} times that on flat": rough,
+    }
 
 
 def _bar(name: str, cases: list[tuple[str, float, float]], least: bool = False) -> Demand:

@@ -20,7 +20,7 @@ from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
 from training.evaluation import log
-from training.evaluation.experiment import MODEL, SEED, Experiment, Setting, option
+from training.evaluation.experiment import Experiment, Setting, option
 from training.evaluation.motion.driving import measured_files
 from training.evaluation.text.walks import PLAIN_PROMPT, body_of
 from training.markdown import table
@@ -124,9 +124,9 @@ ANIMATORS = Experiment(
     animators_table,
     "animators",
     options=(
-        MODEL,
+        "model",
         option("--list", type=Path, default=PROMPTS, metavar="FILE", help="prompts and expectations"),
         option("--network-legs", action="store_true", help="legs as the network walks them"),
-        SEED,
+        "seed",
     ),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +11,14 @@ from runtime.assets import asset_path
 from runtime.errors import UsageError
 from runtime.motion.model import load_model
 from runtime.prompts.library_data import load_styles
-from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.text_encoder import TextEncoder
-from training.augmentation.measured_edits import CapturedReference, Summary, load_reference
+from training.augmentation.measured_edits import load_reference
 from training.evaluation import log
-from training.evaluation.experiment import CLIPS, MODEL, Arguments, Experiment, Setting, command_of, option
+from training.evaluation.experiment import Arguments, Experiment, Setting, command_of, option
 from training.evaluation.text import edits
 from training.evaluation.text.edits import Case, by_slot, independence
 from training.evaluation.text.retrieval import MIN_RECALL_FRACTION, evaluate_retrieval
-from training.evaluation.text.walks import PLAIN_PROMPT, WALK_S, Walk, Walker
+from training.evaluation.text.walks import PLAIN_PROMPT, WALK_S, Walker
 from training.markdown import columns, percent, table
 
 PARTS = ("retrieval", "edits")
@@ -34,61 +33,46 @@ def words_and_motion(setting: Setting) -> dict[str, Any]:
     results: dict[str, Any] = {"command": command, "model": model.name}
     if "retrieval" in (args.only or PARTS):
         log.info("retrieval")
-        results["retrieval"] = _retrieval(args, folder, prompter.text_encoder)
+        styles = load_styles(asset_path("prompts/styles.json"))
+        texts = {name: list(style.descriptions) for name, style in styles.items()}
+        results["retrieval"] = evaluate_retrieval(folder, args.clips, texts, prompter.text_encoder)
     if "edits" in (args.only or PARTS):
         results |= _edits(setting, prompter)
     return results
-
-
-def _retrieval(args: Arguments, folder: Path, words: TextEncoder) -> dict[str, Any]:
-    styles = load_styles(asset_path("prompts/styles.json"))
-    return evaluate_retrieval(folder, args.clips, {n: list(s.descriptions) for n, s in styles.items()}, words)
 
 
 def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
     """Part edits and part independence: they look at the same walks."""
     args = setting.args
     reference = load_reference(args.clips)
-    neutral = prompter.expand(PLAIN_PROMPT).descriptions
-    cases = edits.catalogue_cases(neutral, trained=not args.quick)
+    plain = prompter.expand(PLAIN_PROMPT).descriptions
+    cases = edits.catalogue_cases(plain, trained=not args.quick)
     cases += [
-        edits.free_case(p, names, prompter.expand(p).descriptions)
+        Case(p, "free words", names, (prompter.expand(p).descriptions,) * 2, (0, 1))
         for p, names in edits.free_prompts().items()
     ]
-    neutral_walks, walks = _walked(setting, prompter, neutral, cases)
-    found = [_case_result(c, own, neutral_walks, reference) for c, own in zip(cases, walks, strict=True)]
-    rows = [row for row, _ in found if row is not None]
-    independent = [own for _, own in found if own is not None]
-    unmeasured = [case.name for case, (row, _) in zip(cases, found, strict=True) if row is None]
+    walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else WALK_S)
+    words, seeds = [plain] * edits.SEEDS, list(range(edits.SEEDS))
+    for case in cases:
+        words += case.variants
+        seeds += case.seeds
+    log.info(f"{len(set(zip(words, seeds, strict=True)))} walks")
+    made = iter(walker.make(map(prompter, words), seeds))
+    neutral = {seed: next(made) for seed in range(edits.SEEDS)}
+    rows, unmeasured, independent = [], [], []
+    for case in cases:
+        summaries, pairs = list(islice(made, len(case.variants))), reference.edited(case.edits)
+        described = reference.described(pairs, case.edits)
+        if described:
+            rows.append(edits.score(case, summaries, neutral, described))
+        else:  # its measure shows nothing
+            unmeasured.append(case.name)
+        if len(case.edits) == 1 and case.kind != "free words":
+            independent.append(independence(case, summaries, neutral, pairs))
     return {
         "edits": {"rows": rows, "unmeasured": unmeasured, "summary": _summaries(rows)},
         "independence": {"rows": independent, "by_slot": by_slot(independent)},
     }
-
-
-def _walked(
-    setting: Setting, prompter: Prompter, neutral: PartDescriptions, cases: Sequence[Case]
-) -> tuple[dict[int, Summary], list[list[Summary]]]:
-    """The neutral walks by seed, and those of every case's variants."""
-    args = setting.args
-    walker = Walker(setting.folders[0], args.workers, 3.0 if args.quick else WALK_S)
-    plain = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
-    walks = [[Walk.of(prompter(d), s) for d, s in zip(c.variants, c.seeds, strict=True)] for c in cases]
-    requested = [*plain, *(walk for own in walks for walk in own)]
-    log.info(f"{len(set(requested))} walks")
-    made = dict(zip(requested, walker.make(requested), strict=True))
-    return {walk.seed: made[walk] for walk in plain}, [[made[walk] for walk in own] for own in walks]
-
-
-def _case_result(
-    case: Case, summaries: Sequence[Summary], neutral: dict[int, Summary], reference: CapturedReference
-) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
-    """The case's score, None where its measure shows nothing; and its independence, for single edits."""
-    pairs = reference.edited(case.edits)
-    described = reference.described(pairs, case.edits)
-    row = edits.score(case, summaries, neutral, described) if described else None
-    single = len(case.edits) == 1 and case.kind != "free words"
-    return row, independence(case, summaries, neutral, pairs) if single else None
 
 
 def _summaries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
@@ -114,7 +98,9 @@ def markdown(results: dict[str, Any]) -> str:
         lines += ["### Retrieval", "", *_retrieval_table(results["retrieval"])]
     if "edits" in results:
         lines += ["### Part edits", "", *_edits_table(results["edits"])]
-        lines += ["### Part independence", "", *_independence_table(results["independence"])]
+        lines += ["### Part independence", ""]
+        lines += columns(INDEPENDENCE_COLUMNS, results["independence"]["by_slot"].items())
+        lines += ["In brackets what the edits themselves do to captured walks.", ""]
     return "\n".join(lines) + "\n"
 
 
@@ -210,11 +196,6 @@ def _edits_table(found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _independence_table(found: dict[str, Any]) -> list[str]:
-    note = "In brackets what the edits themselves do to captured walks."
-    return [*columns(INDEPENDENCE_COLUMNS, found["by_slot"].items()), note, ""]
-
-
 def _check(args: Arguments) -> None:
     if not 1 <= args.workers <= 64:
         raise UsageError(f"--workers {args.workers}: expected 1 to 64.", "Choose another number.")
@@ -227,8 +208,8 @@ TEXT = Experiment(
     "text evaluation",
     needs=("clips",),
     options=(
-        CLIPS,
-        MODEL,
+        "clips",
+        "model",
         option("--only", choices=PARTS, nargs="+", help="measure this alone"),
         option("--quick", action="store_true", help="no trained edits, shorter walks: no figures to quote"),
         option("--workers", type=int, default=2, metavar="N", help="processes (default: 2)"),

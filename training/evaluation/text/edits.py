@@ -46,32 +46,26 @@ class Case:
 
 def catalogue_cases(neutral: PartDescriptions, trained: bool = True) -> list[Case]:
     """Held-out edits and pairs with every phrase, at least three walks each; trained edits with their first phrase."""
-    cases = [
-        _case(name, _kind(name), (name,), neutral, SEEDS)
-        for name in part_edits()
-        if name in catalogue().held_out
-    ]
-    cases += [_case(name, "pair", pair, neutral, SEEDS) for name, pair in catalogue().held_out_pairs.items()]
-    if trained:
-        cases += [
-            _case(name, _kind(name), (name,), neutral, 1)
-            for name in part_edits()
-            if name not in catalogue().held_out
-        ]
-    return cases
+    every = {name: (name,) for name in part_edits()}
+    held_out = {name: edits for name, edits in every.items() if name in catalogue().held_out}
+    requested = held_out | catalogue().held_out_pairs | (every if trained else {})
+    return [_case(name, edits, neutral) for name, edits in requested.items()]
 
 
-def _kind(name: str) -> str:
-    rhythm = part_edits()[name].rhythm
-    if name in catalogue().held_out:
+def _kind(edits: Sequence[str]) -> str:
+    if len(edits) > 1:
+        return "pair"
+    rhythm = part_edits()[edits[0]].rhythm
+    if edits[0] in catalogue().held_out:
         return HELD_OUT_RHYTHM if rhythm else "held out"
     return TRAINED_RHYTHM if rhythm else "trained"
 
 
-def _case(name: str, kind: str, edits: tuple[str, ...], neutral: PartDescriptions, least: int) -> Case:
+def _case(name: str, edits: tuple[str, ...], neutral: PartDescriptions) -> Case:
     """Variant k takes the k-th phrase of every part; phrases count round where an edit has fewer."""
+    kind = _kind(edits)
     phrases = {part: texts for e in edits for part, texts in part_edits()[e].phrases.items()}
-    count = 1 if kind in ("trained", TRAINED_RHYTHM) else max(least, *(len(t) for t in phrases.values()))
+    count = 1 if kind in ("trained", TRAINED_RHYTHM) else max(SEEDS, *(len(t) for t in phrases.values()))
     variants = tuple(phrased(neutral, phrases, k) for k in range(count))
     return Case(name, kind, edits, variants, tuple(k % SEEDS for k in range(count)))
 
@@ -87,11 +81,6 @@ def free_prompts() -> dict[str, tuple[str, ...]]:
     """Free prompts, and the edits whose measures tell whether they were followed."""
     lines = (DATA / "free_prompts.txt").read_text("utf-8").splitlines()
     return {prompt: tuple(names) for prompt, *names in (line.split(" | ") for line in lines[1:])}
-
-
-def free_case(prompt: str, edits: tuple[str, ...], expanded: PartDescriptions) -> Case:
-    """A free prompt as it was expanded, with two seeds."""
-    return Case(prompt, "free words", edits, (expanded, expanded), (0, 1))
 
 
 # --- what came of it --------------------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from training.augmentation.measured_edits import Summary, summarise, targets, va
 from training.augmentation.motion import EditedMotion
 from training.evaluation import log
 from training.evaluation.text.edits import phrased
-from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walks
+from training.evaluation.text.walks import PLAIN_PROMPT, Walker, straight_walks
 from training.frames import PLAIN
 from training.text.claims import clause_fraction, clauses
 
@@ -99,8 +99,7 @@ def measure_adherence(
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
     requested: list[tuple[PartDescriptions, str]] = [(d, "") for d in entries] + list(_phrases(neutral))
     log.info("%d walks", len(requested) + 1)
-    walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in requested))]
-    plain, *made = walker.make(walks)
+    plain, *made = walker.make(prompter(d) for d in (neutral, *(d for d, _ in requested)))
     motion = neutral_motion(model, prompter(neutral))
     found, described = Found(), described_edits(motion)
     for (descriptions, edit), walked in zip(requested, made, strict=True):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -54,40 +53,29 @@ class TextSide:
         return codes_of(mean, log_variance)
 
 
-@dataclass(frozen=True)
-class Recall:
-    """Fractions of queries whose first relevant entry is first, or among three; each with what chance would give."""
+def recall(similarity: Array, relevant: NDArray[np.bool_], styles: Sequence[str]) -> dict[str, float]:
+    """Of similarities `(Q, G)` and which entries are relevant; `styles` are the queries'. Ties count against.
 
-    queries: int
-    gallery: int
-    r1: float
-    r3: float
-    median_rank: float
-    chance_r1: float
-    chance_r3: float
-    chance_rank: float
-    r1_by_style: float  # mean over the queries' styles, which have unlike numbers of queries
-
-
-def recall(similarity: Array, relevant: NDArray[np.bool_], styles: Sequence[str]) -> Recall:
-    """Of similarities `(Q, G)` and which entries are relevant; `styles` are the queries'. Ties count against."""
+    Fractions of queries whose first relevant entry is first, or among three, each with what chance would give; `r1_by_style`
+    is the mean over the queries' styles, which have unlike numbers of queries.
+    """
     from scipy.stats import hypergeom
 
     rank = first_ranks(similarity, relevant)
     size, own = relevant.shape[1], np.array(styles)
     # chance that a random order has a relevant entry among the first 1, 2 ... `(Q, G)`
     chance = hypergeom.sf(0, size, relevant.sum(1)[:, None], np.arange(1, size + 1))
-    return Recall(
-        queries=len(rank),
-        gallery=size,
-        r1=float((rank == 1).mean()),
-        r3=float((rank <= 3).mean()),
-        median_rank=float(np.median(rank)),
-        chance_r1=float(chance[:, 0].mean()),
-        chance_r3=float(chance[:, min(3, size) - 1].mean()),
-        chance_rank=float(np.median((chance >= 0.5).argmax(1) + 1)),
-        r1_by_style=float(np.mean([(rank[own == s] == 1).mean() for s in np.unique(own)])),
-    )
+    return {
+        "queries": len(rank),
+        "gallery": size,
+        "r1": float((rank == 1).mean()),
+        "r3": float((rank <= 3).mean()),
+        "median_rank": float(np.median(rank)),
+        "chance_r1": float(chance[:, 0].mean()),
+        "chance_r3": float(chance[:, min(3, size) - 1].mean()),
+        "chance_rank": float(np.median((chance >= 0.5).argmax(1) + 1)),
+        "r1_by_style": float(np.mean([(rank[own == s] == 1).mean() for s in np.unique(own)])),
+    }
 
 
 def first_ranks(similarity: Array, relevant: NDArray[np.bool_]) -> NDArray[np.integer]:
@@ -137,6 +125,6 @@ def scores(
         queries, shown, named = (
             np.array([label(s) for s in styles]) for styles in (queried, clip_styles, names)
         )
-        result[f"text_to_motion{suffix}"] = asdict(recall(to_motion, queries[:, None] == shown, queried))
-        result[f"motion_to_text{suffix}"] = asdict(recall(to_text, shown[:, None] == named, clip_styles))
+        result[f"text_to_motion{suffix}"] = recall(to_motion, queries[:, None] == shown, queried)
+        result[f"motion_to_text{suffix}"] = recall(to_text, shown[:, None] == named, clip_styles)
     return result

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 from multiprocessing import get_context
@@ -14,32 +13,19 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.measures.table import BodyMeasures, measure
-from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.skeleton import SPORT_SKELETON
 from training.augmentation.measured_edits import Summary, summarise
 from training.data.labels import foot_contacts
 from training.evaluation import log
-from training.evaluation.motion.driving import FORWARD, TOGETHER, flat_ground, walked
+from training.evaluation.motion.driving import FORWARD, TOGETHER, characters, flat_ground, walked
 
 PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over
 WALK_S = 6.0
 LOGGED = 64  # walks between two lines of the log
-
-
-@dataclass(frozen=True)
-class Walk:
-    """A walk to be made: Z^t `(6, 64)` as bytes of float32, and a seed."""
-
-    z: bytes
-    seed: int
-
-    @staticmethod
-    def of(z: Array, seed: int) -> Walk:
-        """From an array."""
-        return Walk(np.ascontiguousarray(z, np.float32).tobytes(), seed)
+Key = tuple[bytes, int]  # of a walk: its Z^t, and its seed
 
 
 class Walker:
@@ -47,15 +33,17 @@ class Walker:
 
     def __init__(self, folder: Path, workers: int = 1, seconds: float = WALK_S) -> None:
         self.folder, self.workers, self.seconds = folder, workers, seconds
-        self._made: dict[Walk, Summary] = {}
+        self._made: dict[Key, Summary] = {}
 
     @cached_property
     def _model(self) -> MotionModel:
         return _loaded(self.folder)
 
-    def make(self, walks: Sequence[Walk]) -> list[Summary]:
-        """Summaries of the walks, in their order."""
-        new = [w for w in dict.fromkeys(walks) if w not in self._made]
+    def make(self, codes: Iterable[Array], seeds: Sequence[int] | None = None) -> list[Summary]:
+        """Summaries of walks in each Z^t `(6, 64)`, in their order; seeds are 0 where none are given."""
+        texts = [np.ascontiguousarray(code, np.float32).tobytes() for code in codes]
+        keys = list(zip(texts, [0] * len(texts) if seeds is None else seeds, strict=True))
+        new = [key for key in dict.fromkeys(keys) if key not in self._made]
         size = min(TOGETHER, -(-len(new) // self.workers)) or 1
         jobs = [(self.folder, new[k : k + size], self.seconds) for k in range(0, len(new), size)]
         if len(jobs) > 1 and self.workers > 1:
@@ -64,36 +52,33 @@ class Walker:
                 self._keep(new, pool.map(_make, jobs))
         else:
             self._keep(new, (_walks(self._model, *job[1:]) for job in jobs))
-        return [self._made[w] for w in walks]
+        return [self._made[key] for key in keys]
 
-    def _keep(self, walks: Sequence[Walk], made: Iterable[list[Summary]]) -> None:
-        for number, (walk, summary) in enumerate(zip(walks, chain.from_iterable(made), strict=True), 1):
-            self._made[walk] = summary
+    def _keep(self, keys: Sequence[Key], made: Iterable[list[Summary]]) -> None:
+        for number, (key, summary) in enumerate(zip(keys, chain.from_iterable(made), strict=True), 1):
+            self._made[key] = summary
             if number % LOGGED == 0:
-                log.info("walked %d of %d", number, len(walks))
+                log.info("walked %d of %d", number, len(keys))
 
 
-def _make(job: tuple[Path, Sequence[Walk], float]) -> list[Summary]:
+def _make(job: tuple[Path, Sequence[Key], float]) -> list[Summary]:
     return _walks(_loaded(job[0]), *job[1:])
 
 
-def _walks(model: MotionModel, walks: Sequence[Walk], seconds: float) -> list[Summary]:
-    codes = [np.frombuffer(walk.z, np.float32).reshape(6, 64) for walk in walks]
-    made = straight_walks(model, codes, seconds, [walk.seed for walk in walks])
-    return [summarise(*walk) for walk in made]
+def _walks(model: MotionModel, keys: Sequence[Key], seconds: float) -> list[Summary]:
+    codes = [np.frombuffer(code, np.float32).reshape(6, 64) for code, _ in keys]
+    return [summarise(*walk) for walk in straight_walks(model, codes, seconds, [seed for _, seed in keys])]
 
 
 def straight_walks(
-    model: MotionModel, codes: Sequence[Array], seconds: float, seeds: Sequence[int] | None = None
+    model: MotionModel, codes: Sequence[Array], seconds: float, seeds: Sequence[int] = ()
 ) -> list[tuple[Array, Array, Array]]:
     """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of a walk in each Z^t `(6, 64)`, after its lead-in.
 
     Walked together; seeds are 0 where none are given.
     """
-    lead, ground = round(LEAD_SECONDS * FPS), flat_ground()
-    members = [Controller(model, ground, seed) for seed in seeds or [0] * len(codes)]
-    for member, code in zip(members, codes, strict=True):
-        member.set_style(code, 0.0)
+    lead = round(LEAD_SECONDS * FPS)
+    members = characters(model, flat_ground(), codes, seeds)
     tracks = walked(members, lambda *_: FORWARD, lead + round(seconds * FPS))
     return [track.shown(lead) for track in tracks]
 

@@ -22,7 +22,7 @@ from runtime.measures.table import BodyMeasures
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.phrasing import as_left_limb
 from runtime.prompts.prompter import Prompter
-from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker
+from training.evaluation.text.walks import PLAIN_PROMPT, Walker
 from training.text.claims import claims, sentence_fraction, unclaimed_change
 
 WEAK_FRACTION = 0.6  # fraction of a sentence's claims under which it gets another wording
@@ -47,7 +47,7 @@ def walk_all(walker: Walker, prompter: Prompter, keys: Sequence[Key]) -> dict[Ke
     """What bodies do under each sentence, and under `NEUTRAL`."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
     said = [plain, *(_said(plain, *key) for key in keys)]
-    made = walker.make([Walk.of(prompter(each), 0) for each in said])
+    made = walker.make(map(prompter, said))
     return {key: walked.body for key, walked in zip([NEUTRAL, *keys], made, strict=True)}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import platform
 import sys
@@ -13,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.timing import clock_and_processor_ms, cpu_name, times_ms, write_figures
-from runtime.atomic import check_target, temporary_folder
+from benchmarks.timing import clock_and_processor_ms, cpu_name, times_ms
+from runtime.atomic import check_target, temporary_folder, write_atomic
 from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
 from runtime.interrupts import run_child
@@ -95,7 +96,8 @@ def run(json_path: Path | None, frames: int = 1000, model: Path | None = None) -
         print(f"{name:20} {'-' if value is None else f'{value:.3f}':>10}  {meaning}")
     for note in figures["notes"]:
         print(f"note: {note}")
-    write_figures(json_path, figures)
+    if json_path is not None:
+        write_atomic(json_path, json.dumps(figures, indent=1) + "\n")
     return 0
 
 

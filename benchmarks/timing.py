@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import platform
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-from runtime.atomic import write_atomic
 
 
 def times_ms(work: Callable[[], object], count: int, warm_up: int = 0) -> list[float]:
@@ -40,9 +36,3 @@ def cpu_name() -> str:
     except OSError:
         pass  # not Linux
     return platform.processor() or platform.machine()
-
-
-def write_figures(path: Path | None, figures: dict[str, Any]) -> None:
-    """As JSON into `path`, if there is one."""
-    if path is not None:
-        write_atomic(path, json.dumps(figures, indent=1) + "\n")

@@ -75,7 +75,7 @@ def _project(p: Array) -> tuple[Array, Array]:
     q = rotations.multiply(
         rotations.from_axis_angle(np.array([1.0, 0, 0]), _VIEW_PITCH), rotations.from_yaw(-_VIEW_YAW)
     )
-    v = rotations.rotate(np.broadcast_to(q, (*p.shape[:-1], 4)), p)
+    v = rotations.rotate(q, p)
     return v[..., 0], v[..., 1]
 
 

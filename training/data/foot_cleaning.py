@@ -12,14 +12,12 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet.ik import MAX_REACH, solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from training.data.retarget import heel_rise, pitched
+from training.data.retarget import FOOT_OFFSET, LEG_LENGTH, heel_rise, pitched
 
 GroundHeight = Callable[[Array, Array], Array]
 
-_FOOT = SPORT_SKELETON.offsets[5].astype(np.float64)
-_FOOT_LENGTH = float(np.linalg.norm(_FOOT))
-_REST_ELEVATION = float(np.arcsin(_FOOT[1] / _FOOT_LENGTH))
-_LEG = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
+_FOOT_LENGTH = float(np.linalg.norm(FOOT_OFFSET))
+_REST_ELEVATION = float(np.arcsin(FOOT_OFFSET[1] / _FOOT_LENGTH))
 _FLOAT = 0.001  # m by which a foot may hang over its place: hips that sink so far bend a straight knee by 5 degrees
 # of the leg's length: 8 degrees, from which a knee is not to become straighter than it was
 _STRAIGHT = 0.9975
@@ -111,7 +109,7 @@ def _carrying(
 def _slope(ankle: Array, toe: Array, ground: GroundHeight) -> Array:
     """Elevation from ankle to toe of a foot that lies flat on the ground, radians."""
     rise = ground(toe[:, 0], toe[:, 2]) - ground(ankle[:, 0], ankle[:, 2])
-    return np.arcsin(np.clip((rise + _FOOT[1]) / _FOOT_LENGTH, -0.9, 0.9))
+    return np.arcsin(np.clip((rise + FOOT_OFFSET[1]) / _FOOT_LENGTH, -0.9, 0.9))
 
 
 def _pitch(ankle: Array, toe: Array) -> Array:
@@ -131,9 +129,9 @@ def _raise_heel(
     from scipy.ndimage import gaussian_filter1d
 
     alone = gaussian_filter1d((contact[:, 1] & ~contact[:, 0]).astype(np.float64), 2.0)
-    toe = ankle + rotations.rotate(foot, np.broadcast_to(_FOOT, ankle.shape))
+    toe = ankle + rotations.rotate(foot, FOOT_OFFSET)
     foot = pitched(foot, alone * heel_rise(hip, toe, foot, length))
-    return toe - rotations.rotate(foot, np.broadcast_to(_FOOT, ankle.shape)), foot
+    return toe - rotations.rotate(foot, FOOT_OFFSET), foot
 
 
 def _clean_foot(
@@ -150,7 +148,7 @@ def _clean_foot(
     both = gaussian_filter1d(contact.all(1).astype(np.float64), 2.0)
     turn = np.clip(_pitch(ankle, toe) - _slope(ankle, toe, ground), -_MAX_TURN, _MAX_TURN) * both
     foot = pitched(foot, turn)
-    toe = ankle + rotations.rotate(foot, np.broadcast_to(_FOOT, ankle.shape))
+    toe = ankle + rotations.rotate(foot, FOOT_OFFSET)
 
     # the joint that carries decides the height; while both do, they agree after the turn
     error = np.where(
@@ -186,7 +184,7 @@ def _sink_to_reach(hips: Array, thighs: Array, ankles: Array, lengths: Array) ->
 
     gap = ankles - thighs
     across = np.linalg.norm(gap[..., [0, 2]], axis=-1)
-    reach = np.clip(lengths, _STRAIGHT * _LEG, MAX_REACH * _LEG)
+    reach = np.clip(lengths, _STRAIGHT * LEG_LENGTH, MAX_REACH * LEG_LENGTH)
     allowed = np.sqrt(np.maximum(reach**2 - across**2, 0.01))
     missing = np.clip((-gap[..., 1] - allowed).max(axis=1) - _FLOAT, 0.0, 0.25)
     sink = gaussian_filter1d(maximum_filter1d(missing, 9), 3.0)

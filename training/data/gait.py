@@ -5,16 +5,22 @@ Lengths are scaled to a leg of 0.82 m (hip, knee, ankle), angles are degrees; ea
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
+from runtime.atomic import temporary_folder
 from runtime.formats.bvh import BvhMotion, read_bvh
+from runtime.formats.bvh_clip import save_bvh
+from runtime.takes.clip import Clip
+
+Measured = TypeVar("Measured")
 
 LEG_M = 0.82
 MIN_SPEED, MAX_SPEED = 0.55, 2.2  # m/s: slower is standing, faster is running
@@ -73,6 +79,12 @@ class GaitJoints:
 def measure_file(path: Path, first_frame: int = 0) -> dict[str, float] | None:
     """`measure` of a BVH file."""
     return measure(GaitJoints.of(read_bvh(path), first_frame))
+
+
+def measured_exports(clips: Iterable[Clip], measured: Callable[[Path], Measured]) -> list[Measured]:
+    """What is measured on the exported BVH of each clip."""
+    with temporary_folder() as folder:
+        return [measured(save_bvh(clip, folder / "clip.bvh")) for clip in clips]
 
 
 def walking(joints: GaitJoints) -> NDArray[np.bool_]:

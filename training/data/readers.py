@@ -19,7 +19,7 @@ def read_z_up(path: Path) -> BvhMotion:
     upright = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(-0.5 * np.pi))
     positions, local = motion.positions.copy(), motion.local_rotations.copy()
     positions[:, 0] = rotations.rotate(upright, positions[:, 0])
-    local[:, 0] = rotations.multiply(np.broadcast_to(upright, local[:, 0].shape), local[:, 0])
+    local[:, 0] = rotations.multiply(upright, local[:, 0])
     return replace(motion, positions=positions, local_rotations=local)
 
 

@@ -11,9 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.atomic import temporary_folder
 from runtime.controls import Gait
-from runtime.formats.bvh_clip import save_bvh
 from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
@@ -122,18 +120,16 @@ Measures = dict[str, float]
 def compare(data: Path, clips: Path) -> dict[tuple[str, str], tuple[Measures, Measures]]:
     """Median measures of source files and of the imported clips, by source and style, of walks on a floor."""
     result = {}
-    with temporary_folder() as folder:
-        for key, files in sorted(_walks(data, clips).items()):
-            chosen = files[:: max(1, -(-len(files) // FILES))]
-            pairs = []
-            for source, imported in chosen:
-                raw = gait.measure_file(source.path, BY_NAME[source.source].first_frame)
-                made = gait.measure_file(_exported(imported, folder))
-                if raw is not None and made is not None:
-                    pairs.append((raw, made))
-            if pairs:
-                raw_files, imports = zip(*pairs, strict=True)
-                result[key] = gait.median(raw_files), gait.median(imports)
+    for key, files in sorted(_walks(data, clips).items()):
+        pairs = []
+        for source, imported in files[:: max(1, -(-len(files) // FILES))]:
+            raw = gait.measure_file(source.path, BY_NAME[source.source].first_frame)
+            (made,) = gait.measured_exports([_clip(imported)], gait.measure_file)
+            if raw is not None and made is not None:
+                pairs.append((raw, made))
+        if pairs:
+            raw_files, imports = zip(*pairs, strict=True)
+            result[key] = gait.median(raw_files), gait.median(imports)
     return result
 
 
@@ -148,14 +144,11 @@ def _walks(data: Path, clips: Path) -> dict[tuple[str, str], list[tuple[ClipSour
     return files
 
 
-def _exported(path: Path, folder: Path) -> Path:
-    """An imported clip as the BVH that the program would export."""
+def _clip(path: Path) -> Clip:
+    """An imported clip as the program would export it."""
     with open_npz(path, "Run the importer again.") as file:
         hips, local = file["hips_positions"], file["local_rotations"]
-        contacts = file["contacts"].astype(np.float32)
-    target = folder / f"{path.stem}.bvh"
-    save_bvh(Clip(path.stem, 60.0, hips, local, contacts), target)
-    return target
+        return Clip(path.stem, 60.0, hips, local, file["contacts"].astype(np.float32))
 
 
 def comparison(data: Path, clips: Path) -> str:

@@ -19,7 +19,7 @@ from training.data.source_skeletons import SourceJoint, SourceSkeleton
 
 FOOT_OFFSET = SPORT_SKELETON.offsets[5].astype(np.float64)  # ankle to toe in the rest pose
 MAX_FLATTER, MAX_STEEPER = np.deg2rad(20.0), np.deg2rad(30.0)
-_LATERAL = np.array([1.0, 0.0, 0.0])
+_LATERAL, _AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 def heel_rise(hip: Array, toe: Array, foot: Array, length: Array) -> Array:
@@ -29,8 +29,8 @@ def heel_rise(hip: Array, toe: Array, foot: Array, length: Array) -> Array:
     would bend the knee otherwise in every push-off, or stretch the leg beyond its length. Limited to what a foot does;
     where no turn reaches the length the nearest is taken.
     """
-    arm = -rotations.rotate(foot, np.broadcast_to(FOOT_OFFSET, toe.shape))  # toe to ankle
-    across = rotations.rotate(foot, np.broadcast_to(_LATERAL, toe.shape))
+    arm = -rotations.rotate(foot, FOOT_OFFSET)  # toe to ankle
+    across = rotations.rotate(foot, _LATERAL)
     to_hip = hip - toe
     # |arm(d) - to_hip| = length, where arm(d) . to_hip = a cos d + b sin d
     a, b = np.sum(arm * to_hip, axis=-1), np.sum(np.cross(across, arm) * to_hip, axis=-1)
@@ -128,7 +128,7 @@ def load_source(
         q = world[:, index(joint.name)]
         if joint.towards:
             q = rotations.slerp(q, world[:, index(joint.towards)], joint.blend)
-        return resample_rotations(rotations.multiply(q, np.broadcast_to(correction, q.shape)), times)
+        return resample_rotations(rotations.multiply(q, correction), times)
 
     arms = [index(skeleton.joints[side + "Arm"].name) for side in _SIDES]
     collar = np.linalg.norm(motion.skeleton.offsets[arms], axis=-1).mean() * scale
@@ -190,17 +190,12 @@ def speed(p: Array) -> Array:
 
 def _elevation(q: Array) -> Array:
     """Radians by which local +Z points above the horizon."""
-    forward = rotations.rotate(q, np.broadcast_to([0.0, 0.0, 1.0], (*q.shape[:-1], 3)))
-    return np.arcsin(np.clip(forward[..., 1], -1.0, 1.0))
+    return np.arcsin(np.clip(rotations.rotate(q, _AHEAD)[..., 1], -1.0, 1.0))
 
 
 def _yaw(q: Array) -> Array:
-    forward = rotations.rotate(q, np.broadcast_to([0.0, 0.0, 1.0], (*q.shape[:-1], 3)))
+    forward = rotations.rotate(q, _AHEAD)
     return rotations.from_yaw(np.arctan2(forward[..., 0], forward[..., 2]))
-
-
-def _turned(q: Array, turn: Array) -> Array:
-    return rotations.multiply(q, np.broadcast_to(turn, q.shape))
 
 
 def calibrate_feet(clips: list[SourceMotion]) -> FootCalibration:
@@ -259,7 +254,7 @@ def _flat_stance(clip: SourceMotion, side: int) -> NDArray[np.bool_]:
 
 def _into(frame: Array, v: Array) -> Array:
     """World vectors in the frame of rotations `(T, 4)`."""
-    return rotations.rotate(rotations.inverse(frame), np.broadcast_to(v, (len(frame), 3)))
+    return rotations.rotate(rotations.inverse(frame), v)
 
 
 def retarget(
@@ -274,13 +269,11 @@ def retarget(
     shift = _hip_joint_shift(source, world[:, 0])
     ankles, foot = _ankle_targets(source, feet, foot)
     world[:, [4, 9]] = foot
-    toes = ankles + rotations.rotate(foot, np.broadcast_to(FOOT_OFFSET, ankles.shape))
+    toes = ankles + rotations.rotate(foot, FOOT_OFFSET)
     if height_offset is None:
         height_offset = _ground_offset(ankles, toes)
     lift = np.array([0.0, height_offset, 0.0])
-    hips = (
-        source.hip_centre + lift - rotations.rotate(world[:, 0], np.broadcast_to(HIP_CENTRE, (len(world), 3)))
-    )
+    hips = source.hip_centre + lift - rotations.rotate(world[:, 0], HIP_CENTRE)
     local = SPORT_SKELETON.local_rotations(world)
     local = solve_legs(hips, local, ankles + lift + shift, foot)
     if flex_toes:
@@ -303,9 +296,9 @@ def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:
         given[name + "Shoulder"] = rotations.slerp(
             given["Spine1"], given[name + "Shoulder"], source.collar_fraction
         )
-        given[name + "Foot"] = _turned(given[name + "Foot"], feet.foot_turn[side])
+        given[name + "Foot"] = rotations.multiply(given[name + "Foot"], feet.foot_turn[side])
         if name + "ToeBase" in given:
-            given[name + "ToeBase"] = _turned(given[name + "ToeBase"], feet.toe_turn[side])
+            given[name + "ToeBase"] = rotations.multiply(given[name + "ToeBase"], feet.toe_turn[side])
     world = np.empty((len(source.hip_centre), len(names), 4))
     for j, name in enumerate(names):
         world[:, j] = given[name] if name in given else world[:, parents[j]]
@@ -316,7 +309,7 @@ def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:
 def _hip_joint_shift(source: SourceMotion, pelvis: Array) -> Array:
     """How far our hip joints lie from the source's `(T, 2, 3)`: legs that move along keep its angles at hip and knee."""
     ours = np.stack([SPORT_SKELETON.offsets[j].astype(np.float64) - HIP_CENTRE for j in (2, 7)])
-    ours = rotations.rotate(pelvis[:, None], np.broadcast_to(ours, (len(pelvis), 2, 3)))
+    ours = rotations.rotate(pelvis[:, None], ours)
     return ours - (source.hip_joints - source.hip_centre[:, None])
 
 
@@ -329,7 +322,7 @@ def _align_trunk(world: Array, trunk: Array) -> None:
     lower, upper = SPORT_SKELETON.index("LowerBack"), SPORT_SKELETON.index("Spine")
     ours = np.zeros_like(trunk)
     for j, o in zip((lower, upper), TRUNK, strict=True):
-        ours += rotations.rotate(world[:, j], np.broadcast_to(o, trunk.shape))
+        ours += rotations.rotate(world[:, j], o)
     turn = rotations.between(rotations.normalize(ours), rotations.normalize(trunk))
     for j in (lower, upper):
         world[:, j] = rotations.multiply(turn, world[:, j])
@@ -345,12 +338,12 @@ def _ankle_targets(source: SourceMotion, feet: FootCalibration, foot: Array) -> 
     """
     carries = _toes_carry(source.toes[..., 1])
     elevation = _elevation(foot)
-    pivot = source.toes - rotations.rotate(_yaw(foot), np.broadcast_to(feet.toe_offset, source.toes.shape))
+    pivot = source.toes - rotations.rotate(_yaw(foot), feet.toe_offset)
     length = np.linalg.norm(source.ankles - source.hip_joints, axis=-1)
     rise = heel_rise(source.hip_joints, pivot, foot, length)
     weight = carries * np.clip(0.5 - elevation / np.deg2rad(6.0), 0.0, 1.0)
     foot = pitched(foot, weight * rise)
-    by_toe = pivot - rotations.rotate(foot, np.broadcast_to(FOOT_OFFSET, source.toes.shape))
+    by_toe = pivot - rotations.rotate(foot, FOOT_OFFSET)
     return source.ankles + weight[..., None] * (by_toe - source.ankles), foot
 
 

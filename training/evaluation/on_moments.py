@@ -20,6 +20,7 @@ from runtime.generate import clip_of
 from runtime.motion.control_scripts import parse_stick
 from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
+from training.data.gait import measured_exports
 from training.evaluation.experiment import Experiment, Setting, option
 from training.evaluation.metrics.moments import (
     FPS,
@@ -33,7 +34,7 @@ from training.evaluation.metrics.moments import (
     read_points,
     whole_clip,
 )  # fmt: skip
-from training.evaluation.motion.driving import characters, measured_files, walk_together
+from training.evaluation.motion.driving import characters, walk_together
 from training.markdown import table
 
 Values = list[float]
@@ -172,7 +173,7 @@ def moment_figures(setting: Setting) -> dict[str, Any]:
     """Every prompt in every seed through the script of moments, and the raw takes."""
     args = setting.args
     members = list(product(args.prompts, args.seeds))
-    found = measured_files(clips_together(setting, members), partial(measure, script=args.script))
+    found = measured_exports(clips_together(setting, members), partial(measure, script=args.script))
     prompts: dict[str, list[dict[str, Any]]] = {prompt: [] for prompt in args.prompts}
     for (prompt, seed), figures in zip(members, found, strict=True):
         prompts[prompt].append({"seed": seed, **figures})

@@ -15,7 +15,7 @@ from runtime.motion.features import FPS
 from training.data import gait
 from training.data.sources import list_clips
 from training.evaluation.experiment import Experiment, Setting
-from training.evaluation.motion.driving import characters, flat_ground, measured_files, walk_together
+from training.evaluation.motion.driving import characters, flat_ground, walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.markdown import table
 
@@ -83,7 +83,7 @@ def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[st
     members = characters(evaluated.model, flat_ground(), [evaluated.style(style, 0) for style in names])
     walks = walk_together(members, control_script("forward", "walk"), round(WALK_SECONDS * FPS))
     clips = [clip_of(poses, style, (), "flat") for style, poses in zip(names, walks, strict=True)]
-    measured = zip(names, measured_files(clips, gait.measure_file), strict=True)
+    measured = zip(names, gait.measured_exports(clips, gait.measure_file), strict=True)
     return {style: found for style, found in measured if found is not None}
 
 

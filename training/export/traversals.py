@@ -29,10 +29,10 @@ from runtime.terrain.obstacle_detection import ObstacleKind
 from training.evaluation.metrics.traversal import first_problem
 from training.evaluation.motion.driving import characters, walk_together
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
+from training.evaluation.on_obstacles import GAITS, STYLES
 
 log = logging.getLogger("sport.train")
 
-STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
 SIZES = {  # metres
     ObstacleKind.UP: (0.3, 0.4, 0.5),
     ObstacleKind.DOWN: (0.3, 0.4, 0.5),
@@ -59,7 +59,7 @@ def measure_traversals(folder: Path) -> dict[str, float]:
     for kind, sizes in SIZES.items():
         for size in sizes:
             ground = obstacle_ground(kind, size)
-            ways = [way for gait in (Gait.WALK, Gait.JOG) for way in ways_over(model, ground, codes, gait)]
+            ways = [way for gait in GAITS for way in ways_over(model, ground, codes, gait)]
             fraction = float(np.mean([not problem for problem in ways]))
             log.info("%s of %.2f m: %.0f %% of %d ways", kind.value, size, 100.0 * fraction, len(ways))
             if fraction < PASSED:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
-from runtime.atomic import temporary_folder
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
-from runtime.formats.bvh_clip import save_bvh
 from runtime.motion import features
 from runtime.motion.control_scripts import LOOK_AHEAD_M, ControlScript, PlanarPose
 from runtime.motion.controller import TEMPERATURE, Controller, Crowd
@@ -25,7 +21,6 @@ from runtime.motion.trajectory import LENGTH, MAX_RESPONSE, PRESENT, Plan, Traje
 from runtime.pose import Pose
 from runtime.records import copied
 from runtime.skeleton import SPORT_SKELETON
-from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from training.data.labels import STAND_SPEED
 from training.evaluation.metrics.motion import Motion
@@ -40,7 +35,6 @@ MAX_CORRECTION_M_PER_S = 0.5  # m/s
 TOGETHER = 32  # characters of a crowd that are walked at once
 FORWARD = Controls((0.0, 1.0))
 _ORIGIN = PlanarPose(0.0, 0.0, 0.0)
-Measured = TypeVar("Measured")
 Stick = Callable[[Controller, int], Controls]  # what a character is asked for in a frame
 
 
@@ -269,12 +263,6 @@ def transitions(model: MotionModel, changes: Sequence[tuple[Array, Array]], seed
     ends = walk_together(members, lambda *_: FORWARD, STEADY_FRAMES)
     pairs = zip(shown, ends, strict=True)
     return [np.stack([pose.positions for pose in [*a[LEAD_IN_FRAMES:], *b]]) for a, b in pairs]
-
-
-def measured_files(clips: Iterable[Clip], measure: Callable[[Path], Measured]) -> list[Measured]:
-    """What is measured on the exported BVH of each clip."""
-    with temporary_folder() as folder:
-        return [measure(save_bvh(clip, folder / "clip.bvh")) for clip in clips]
 
 
 def flat_ground() -> Terrain:

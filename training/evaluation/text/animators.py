@@ -19,9 +19,9 @@ from runtime.measures.signals import smoothed
 from runtime.motion.model import load_model
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
+from training.data.gait import measured_exports
 from training.evaluation import log
 from training.evaluation.experiment import Experiment, Setting, option
-from training.evaluation.motion.driving import measured_files
 from training.evaluation.text.walks import PLAIN_PROMPT, body_of
 from training.markdown import table
 
@@ -89,7 +89,7 @@ def animators(setting: Setting) -> dict[str, list[Outcome]]:
         clip = generate_clip(
             prompt, seconds=WALK_S, seed=args.seed, prompter=prompter, model=model, exact_legs=not args.network_legs
         )  # fmt: skip
-        return measured_files([clip], measured)[0]
+        return measured_exports([clip], measured)[0]
 
     neutral = walk(PLAIN_PROMPT)
     found: dict[str, list[Outcome]] = {}

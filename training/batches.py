@@ -71,11 +71,12 @@ class FrameTensors:
         """y `(B, 473)`, with parts of other clips where `plan` has them."""
         y = self.y[rows].float()
         y[:, OUTPUT["phase"]] = self._window(rows, features.FUTURE_PHASE_OFFSETS)
+        y[:, OUTPUT["joint_positions"]][:, 1::3] -= self.ground[rows, patch][:, None]
         if plan is not None and self.composer is not None:
             changed = plan.changed.any(1)
             at = rows_of(changed)
-            _put(y, at, changed[at], self.composer.poses(rows[at], plan[at])[0])
-        y[:, OUTPUT["joint_positions"]][:, 1::3] -= self.ground[rows, patch][:, None]
+            pose = self.composer.poses(rows[at], plan[at])[0]
+            _put(y, at, changed[at], pose, self.ground[rows[at], patch[at]])
         return y
 
     def pairs(
@@ -100,12 +101,9 @@ class FrameTensors:
         return self.composer.draw(rows, ahead, often)
 
 
-def _put(
-    y: Tensor, at: Tensor | slice, changed: Tensor, pose: UpperBodyPose, ground: Tensor | None = None
-) -> None:
+def _put(y: Tensor, at: Tensor | slice, changed: Tensor, pose: UpperBodyPose, ground: Tensor) -> None:
     """Write composed upper bodies into those rows `at` of y `(B, 473)` that are `changed` `(n,)`, in place."""
-    positions = pose.positions if ground is None else _above(pose.positions, ground)
-    _write(y, at, changed, OUTPUT["joint_positions"], positions)
+    _write(y, at, changed, OUTPUT["joint_positions"], _above(pose.positions, ground))
     _write(y, at, changed, OUTPUT["joint_velocities"], pose.velocities)
     _write(y, at, changed, OUTPUT["joint_rotations"], pose.rotations)
 

@@ -11,6 +11,7 @@ from runtime.arrays import Array
 from runtime.easing import smoothstep
 from runtime.measures.signals import landings
 from runtime.motion.features import FPS
+from training.data.foot_cleaning import stretches
 from training.frames import smooth
 
 _DEEPEST_FRAMES = 6.0  # frames from a landing to the deepest of a knee that gives
@@ -64,8 +65,7 @@ def cycle_mean(values: Array, frames: int) -> Array:
 
 def swings(down: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Intervals of at least eight frames in which a foot is in the air."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], down, [True]]).astype(np.int8)))
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 8]
+    return [(a, b) for a, b in stretches(~down) if b - a >= 8]
 
 
 def over_swings(down: NDArray[np.bool_], curve: Callable[[Array, int], Array]) -> Array:

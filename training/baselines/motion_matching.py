@@ -19,25 +19,9 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError, UsageError
 from runtime.motion.features import INPUT, OUTPUT_SIZE, C, L, split_output
-from training.baselines.folders import (
-    Order,
-    Report,
-    copy_text_side,
-    speeds,
-    style_codes,
-    training_clips,
-    write_metadata,
-)
-from training.baselines.matching import (
-    DATABASE,
-    KIND,
-    MAX_ROWS,
-    POSE,
-    STEP,
-    Database,
-    MatchingModel,
-    feature_vectors,
-)
+from training.baselines import folders, matching
+from training.baselines.folders import Order, Report
+from training.baselines.matching import DATABASE, STEP, Database, MatchingModel
 from training.evaluation.motion.capture import TERRAIN_GROUP
 from training.frames import ClipFrames, clip_frames
 
@@ -63,7 +47,7 @@ def clip_rows(frames: ClipFrames) -> ClipRows:
     joints[..., 1] -= frames.ground[::STEP, :1]
     return ClipRows(
         frames.style,
-        feature_vectors(x, joints, parts.joint_velocities),
+        matching.feature_vectors(x, joints, parts.joint_velocities),
         rotations.from_6d(parts.joint_rotations),
         joints[:, 0],
         parts.root,
@@ -79,9 +63,9 @@ def build(clips: Iterable[ClipRows], codes: dict[str, Array]) -> Database:
         raise FileError("No clips for a database.", "Import captured clips first: `sport train import`.")
     styles = tuple(sorted({c.style for c in found}))
     lengths = [len(c.features) for c in found]
-    if sum(lengths) > MAX_ROWS:
+    if sum(lengths) > matching.MAX_ROWS:
         raise UsageError(
-            f"{sum(lengths)} rows: a place in the database is a number that stored states hold, at most {MAX_ROWS} rows.",
+            f"{sum(lengths)} rows: a place in the database is a number that stored states hold, at most {matching.MAX_ROWS} rows.",
             "Import fewer clips.",
         )
 
@@ -100,16 +84,16 @@ def build(clips: Iterable[ClipRows], codes: dict[str, Array]) -> Database:
         styles=styles,
         codes=np.concatenate([codes[s] for s in styles]).astype(np.float32),
         code_style=np.repeat(np.arange(len(styles)), [len(codes[s]) for s in styles]),
-        speeds=speeds(joined("root"), joined("gait").astype(int), label, len(styles)),
+        speeds=folders.speeds(joined("root"), joined("gait").astype(int), label, len(styles)),
     )
 
 
 def export(base: Database, model: Path, out: Path) -> Path:
     """Write a model folder: the database, and the text side of the model whose prompts it is to understand."""
-    copy_text_side(model, out)
+    folders.copy_text_side(model, out)
     base.save(out / DATABASE)
     own: dict[str, Any] = {
-        "kind": KIND,
+        "kind": matching.KIND,
         "name": out.name,
         "decoder": "motion matching",
         "styles": list(base.styles),
@@ -117,7 +101,7 @@ def export(base: Database, model: Path, out: Path) -> Path:
         "start": {"output": [0.0] * OUTPUT_SIZE, "phase": [0.0] * (2 * C * (L + 1))},
     }
     own["start"]["output"] = standing(MatchingModel(out, own, base))
-    return write_metadata(model, out, [DATABASE], own)
+    return folders.write_metadata(model, out, [DATABASE], own)
 
 
 def standing(model: MatchingModel) -> list[float]:
@@ -126,7 +110,7 @@ def standing(model: MatchingModel) -> list[float]:
     stands = base.features[:, 27 + Gait.STAND] > 0.5
     neutral = base.style == base.styles.index("neutral") if "neutral" in base.styles else stands
     rows = np.flatnonzero(stands & neutral) if (stands & neutral).any() else np.arange(len(stands))
-    speed = np.abs(base.features[rows][:, POSE]).sum(1)
+    speed = np.abs(base.features[rows][:, matching.POSE]).sum(1)
     return [float(v) for v in model.output_of(int(rows[int(np.argmin(speed))]))]
 
 
@@ -134,9 +118,9 @@ def make(order: Order, report: Report) -> Path:
     """Build the database and write its model folder."""
     if order.out.exists() and any(order.out.iterdir()) and not (order.out / DATABASE).exists():
         raise UsageError(f"--out {order.out}: holds something else.", "Choose a new folder.")
-    clips = [c for c in training_clips(order.clips) if c.group != TERRAIN_GROUP]
+    clips = [c for c in folders.training_clips(order.clips) if c.group != TERRAIN_GROUP]
     report(f"{len(clips)} clips")
     rows = [clip_rows(clip_frames(c.path)) for c in clips]
-    base = build(rows, style_codes(order.model, sorted({r.style for r in rows})))
+    base = build(rows, folders.style_codes(order.model, sorted({r.style for r in rows})))
     report(f"{len(base.last)} rows, {len(base.last) * STEP / 3600:.0f} minutes, {len(base.styles)} styles")
     return export(base, order.model, order.out)

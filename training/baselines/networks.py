@@ -18,18 +18,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from runtime.arrays import Array
-from runtime.motion.features import (
-    FPS,
-    FUTURE_PHASE_OFFSETS,
-    INPUT,
-    INPUT_SIZE,
-    MOTION_INPUT_SIZE,
-    OUTPUT,
-    OUTPUT_SIZE,
-    PHASE_OFFSETS,
-    C,
-    L,
-)
+from runtime.motion import features
+from runtime.motion.features import INPUT, MOTION_INPUT_SIZE, OUTPUT, C, L
 from training.networks.generator import Generator
 from training.presets import ModelConfig
 
@@ -46,8 +36,8 @@ def onsets(contact: NDArray[np.bool_]) -> NDArray[np.integer]:
 def through(frames: NDArray[np.integer], turns: Array, length: int) -> Array:
     """Turns `(length,)` that have the given values at the given frames, straight between them, and go on at both ends."""
     if len(frames) < 2:
-        start = float(turns[0]) - IDLE_HZ * frames[0] / FPS if len(frames) else 0.0
-        return start + IDLE_HZ * np.arange(length) / FPS
+        start = float(turns[0]) - IDLE_HZ * frames[0] / features.FPS if len(frames) else 0.0
+        return start + IDLE_HZ * np.arange(length) / features.FPS
     rate = float(np.median(np.diff(turns) / np.diff(frames)))
     at = np.arange(length)
     result = np.interp(at, frames, turns)
@@ -89,7 +79,7 @@ def phase_vectors(contacts: NDArray[np.bool_]) -> Array:
     steps = np.concatenate([onsets(contacts[:, k]) for k in range(4)])
     at = np.arange(len(contacts))
     gap = np.abs(at[:, None] - steps[None]).min(1) if len(steps) else np.full(len(at), np.inf)
-    size = np.where(gap < MAX_GAP_S * FPS / 2, 1.0, 0.1)[:, None]
+    size = np.where(gap < MAX_GAP_S * features.FPS / 2, 1.0, 0.1)[:, None]
     size = np.concatenate([np.repeat(size, 4, 1), np.ones_like(size)], 1)  # the footstep phase always turns
     return size[..., None] * np.stack([np.sin(angle), np.cos(angle)], -1)
 
@@ -97,8 +87,8 @@ def phase_vectors(contacts: NDArray[np.bool_]) -> Array:
 def windows(vectors: Array) -> tuple[Array, Array]:
     """Inputs' windows `(T, 13, 5, 2)` around the frame before each, and outputs' `(T, 7, 5, 2)` of each and its future."""
     at, last = np.arange(len(vectors)), len(vectors) - 1
-    before = np.clip(at[:, None] - 1 + PHASE_OFFSETS, 0, last)
-    after = np.clip(at[:, None] + FUTURE_PHASE_OFFSETS, 0, last)
+    before = np.clip(at[:, None] - 1 + features.PHASE_OFFSETS, 0, last)
+    after = np.clip(at[:, None] + features.FUTURE_PHASE_OFFSETS, 0, last)
     assert vectors.shape[1] == C
     return vectors[before], vectors[after]
 
@@ -141,7 +131,7 @@ class Baseline(nn.Module):
     def __init__(self, styles: int) -> None:
         super().__init__()
         self.styles = styles
-        for name, size in (("x", INPUT_SIZE), ("y", OUTPUT_SIZE)):
+        for name, size in (("x", features.INPUT_SIZE), ("y", features.OUTPUT_SIZE)):
             self.register_buffer(f"{name}_mean", torch.zeros(size))
             self.register_buffer(f"{name}_deviation", torch.ones(size))
         self.x_mean: Tensor
@@ -218,7 +208,7 @@ class FilmModulated(Baseline):
         self.gating = nn.Sequential(
             nn.Linear(phases, 64), nn.ELU(), nn.Linear(64, 64), nn.ELU(), nn.Linear(64, experts)
         )
-        sizes = (MOTION_INPUT_SIZE, hidden, hidden, OUTPUT_SIZE)
+        sizes = (MOTION_INPUT_SIZE, hidden, hidden, features.OUTPUT_SIZE)
         self.weights = nn.ParameterList(
             nn.Parameter(torch.randn(experts, o, i) * math.sqrt(2.0 / (i + o)))
             for i, o in itertools.pairwise(sizes)

@@ -22,23 +22,9 @@ from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.motion.features import INPUT, INPUT_SIZE, OUTPUT, OUTPUT_SIZE, C, L
 from runtime.motion.model_files import FOLDED
-from training.baselines.folders import (
-    Order,
-    Report,
-    copy_text_side,
-    speeds,
-    style_codes,
-    training_clips,
-    write_metadata,
-)
-from training.baselines.networks import (
-    Baseline,
-    FilmModulated,
-    PhaseFunctioned,
-    StyleByLabel,
-    phase_vectors,
-    windows,
-)
+from training.baselines import folders, networks
+from training.baselines.folders import Order, Report
+from training.baselines.networks import Baseline
 from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo
 from training.export.graph import export_graph
 from training.frames import PLAIN, ClipFrames, clip_frames
@@ -68,7 +54,7 @@ def frames_of(clip: ClipFrames) -> tuple[Array, Array]:
     x[:, INPUT["heights"]] = clip.heights[:, 0]
     x[:, INPUT["joint_positions"]][:, 1::3] -= clip.previous_ground[:, :1]
     y[:, OUTPUT["joint_positions"]][:, 1::3] -= clip.ground[:, :1]
-    before, after = windows(phase_vectors(y[:, OUTPUT["contacts"]] > 0.5))
+    before, after = networks.windows(networks.phase_vectors(y[:, OUTPUT["contacts"]] > 0.5))
     x[:, INPUT["phase"]], y[:, OUTPUT["phase"]] = before.reshape(len(x), -1), after.reshape(len(y), -1)
     return x, y
 
@@ -76,7 +62,7 @@ def frames_of(clip: ClipFrames) -> tuple[Array, Array]:
 def read_frames(folder: Path, method: Method, most: int, seed: int, report: Report) -> LabelledFrames:
     """Frames of the captured clips that training sees, up to `most`, clips at random; FileError where there is none."""
     xs, ys, labels, count = [], [], [], 0
-    for clip in training_clips(folder, seed):
+    for clip in folders.training_clips(folder, seed):
         if not method.learns_from(clip):
             continue
         x, y = frames_of(clip_frames(clip.path))
@@ -110,10 +96,10 @@ class Method:
 
 
 METHODS = {
-    "pfnn": Method("pfnn", PhaseFunctioned, neutral=True, rollouts=True),
-    "mason2022": Method("mason2022", FilmModulated),
+    "pfnn": Method("pfnn", networks.PhaseFunctioned, neutral=True, rollouts=True),
+    "mason2022": Method("mason2022", networks.FilmModulated),
     "style-label": Method(
-        "style-label", lambda styles: StyleByLabel(styles, replace(preset("small"), hidden=128))
+        "style-label", lambda styles: networks.StyleByLabel(styles, replace(preset("small"), hidden=128))
     ),
 }
 
@@ -198,11 +184,13 @@ class BaselineStepGraph(nn.Module):
 
 def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, notes: dict[str, Any]) -> Path:
     """Write a model folder: our three graphs, of which the text side is that of `model`."""
-    copy_text_side(model, out)
-    codes = style_codes(model, frames.styles)
+    folders.copy_text_side(model, out)
+    codes = folders.style_codes(model, frames.styles)
     labels = np.repeat(np.arange(len(frames.styles)), [len(codes[s]) for s in frames.styles])
     gait = frames.x[:, INPUT["gait"]].reshape(len(frames.x), L, -1)[:, L // 2].argmax(1)
-    pace = speeds(frames.y[:, OUTPUT["root"]].astype(np.float32), gait, frames.style, len(frames.styles))
+    pace = folders.speeds(
+        frames.y[:, OUTPUT["root"]].astype(np.float32), gait, frames.style, len(frames.styles)
+    )
     label = LabelGraph(np.concatenate([codes[s] for s in frames.styles]), labels, pace)
     export_graph(label, {"z": torch.zeros(6, 64)}, (*FOLDED, "speeds"), out / "style.onnx", ({},))
     count = len(frames.styles)
@@ -220,7 +208,7 @@ def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, no
         "start": {"output": start.tolist(), "phase": [0.0, 1.0] * (C * (L + 1))},
         "notes": notes,
     }
-    return write_metadata(model, out, ["style.onnx", "step.onnx"], own)
+    return folders.write_metadata(model, out, ["style.onnx", "step.onnx"], own)
 
 
 def make(order: Order, report: Report) -> Path:

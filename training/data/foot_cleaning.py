@@ -61,8 +61,8 @@ def clean_feet(
 
 def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last-plus-one index of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:

@@ -163,9 +163,9 @@ def _limbs(p: dict[str, Array], heading: Array, m: NDArray[np.bool_]) -> dict[st
     swings, elbows, knees = [], [], []
     for c in "lr":
         swings.append(100.0 * _range(_dot(p[c + "w"] - p[c + "s"], heading)[m]))
-        knee = _angle(p[c + "k"] - p[c + "h"], p[c + "a"] - p[c + "k"])[m]
+        knee = angle(p[c + "k"] - p[c + "h"], p[c + "a"] - p[c + "k"])[m]
         knees.append(_percentiles(knee))
-        elbows.append(_angle(p[c + "e"] - p[c + "s"], p[c + "w"] - p[c + "e"])[m])
+        elbows.append(angle(p[c + "e"] - p[c + "s"], p[c + "w"] - p[c + "e"])[m])
     knee_min, knee_max = (0.5 * (left + right) for left, right in zip(*knees, strict=True))
     clearance = [_range(p[a][:, 1][m]) for a in ("la", "ra")]
     return {
@@ -261,5 +261,6 @@ def _norm(v: Array) -> Array:
     return np.linalg.norm(v, axis=-1)
 
 
-def _angle(a: Array, b: Array) -> Array:
+def angle(a: Array, b: Array) -> Array:
+    """Degrees `(...)` between vectors `(..., 3)`."""
     return np.degrees(np.arccos(np.clip(_dot(a, b) / (_norm(a) * _norm(b)), -1.0, 1.0)))

@@ -22,18 +22,8 @@ from runtime.takes.clip import Clip
 from runtime.terrain.library import load_terrain
 from training.data.gait import measured_exports
 from training.evaluation.experiment import Experiment, Setting, option
-from training.evaluation.metrics.moments import (
-    FPS,
-    Points,
-    moments,
-    raw_jumps,
-    raw_pops,
-    raw_start,
-    raw_stop,
-    raw_turns,
-    read_points,
-    whole_clip,
-)  # fmt: skip
+from training.evaluation.metrics import moments as measures
+from training.evaluation.metrics.moments import FPS, Points
 from training.evaluation.motion.driving import characters, walk_together
 from training.markdown import table
 
@@ -122,24 +112,24 @@ ROWS = (
 )  # fmt: skip
 # raw takes: what is measured on files of which name (of accad and o3de, below --data)
 RAW: tuple[tuple[str, str, Callable[[Points], dict[str, float]]], ...] = (
-    ("start walk", "*_StandToWalk.bvh", raw_start),
-    ("stop walk", "*_WalkToStand*.bvh", raw_stop),
-    ("start jog", "*_StandToRun.bvh", raw_start),
-    ("stop jog", "*_RunToStand.bvh", raw_stop),
-    ("turn", "*_WalkTurn*90.bvh", raw_turns),
-    ("turn", "WalkTurns1.bvh", raw_turns),
-    ("spin", "TurnOnSpot1.bvh", raw_turns),
-    ("whole", "Walk*1.bvh", raw_pops),
-    ("whole", "TurnOnSpot1.bvh", raw_pops),
-    ("whole", "Jumps1.bvh", raw_jumps),
-    ("whole", "*_RunToJumpToWalk.bvh", raw_jumps),
+    ("start walk", "*_StandToWalk.bvh", measures.raw_start),
+    ("stop walk", "*_WalkToStand*.bvh", measures.raw_stop),
+    ("start jog", "*_StandToRun.bvh", measures.raw_start),
+    ("stop jog", "*_RunToStand.bvh", measures.raw_stop),
+    ("turn", "*_WalkTurn*90.bvh", measures.raw_turns),
+    ("turn", "WalkTurns1.bvh", measures.raw_turns),
+    ("spin", "TurnOnSpot1.bvh", measures.raw_turns),
+    ("whole", "Walk*1.bvh", measures.raw_pops),
+    ("whole", "TurnOnSpot1.bvh", measures.raw_pops),
+    ("whole", "Jumps1.bvh", measures.raw_jumps),
+    ("whole", "*_RunToJumpToWalk.bvh", measures.raw_jumps),
 )
 
 
 def measure(path: Path, script: str) -> dict[str, Any]:
     """The figures of an exported BVH whose stick was `script`, as plain data."""
-    points, stick = read_points(path), parse_stick(script)
-    return {"whole": whole_clip(points, stick), "moments": moments(points, stick)}
+    points, stick = measures.read_points(path), parse_stick(script)
+    return {"whole": measures.whole_clip(points, stick), "moments": measures.moments(points, stick)}
 
 
 def clips_together(setting: Setting, styles: Sequence[tuple[str, int]]) -> list[Clip]:
@@ -160,7 +150,7 @@ def raw_moments(data: Path) -> dict[str, Raw]:
     result: dict[str, dict[str, Values]] = {}
     for kind, pattern, how in RAW:
         for path in sorted(data.rglob(pattern)):
-            for key, value in how(read_points(path)).items():
+            for key, value in how(measures.read_points(path)).items():
                 result.setdefault(kind, {}).setdefault(key, []).append(value)
     if not result:
         raise UsageError(
@@ -193,10 +183,10 @@ def moment_table(figures: dict[str, Any]) -> str:
 def _raw(row: Row, raw: dict[str, Raw]) -> str:
     """The range of a measure in raw takes of the row's kinds, of its gait where such takes are."""
     values: Values = []
-    for name, measures in raw.items():
+    for name, found in raw.items():
         kind, _, gait = name.partition(" ")
         if kind in (row.kinds or ("whole",)) and (row.gait in ("", gait) or not gait):
-            values += measures.get(row.key, [])
+            values += found.get(row.key, [])
     if not values:
         return "–"
     return " to ".join(dict.fromkeys(f"{v:.{row.digits}f}" for v in (min(values), max(values))))

@@ -17,16 +17,8 @@ from training.networks.diffusion import Schedule, add_noise, analytic_variance, 
 from training.networks.generator import Generator
 from training.packed_run import START
 from training.session import Session, StageLength, train
-from training.stages.motion import (
-    MotionData,
-    full_precision,
-    generator_state,
-    lanes_of,
-    mixed_batch,
-    motion_losses,
-    peak_of,
-    total_of,
-)
+from training.stages import motion as stage_motion
+from training.stages.motion import MotionData
 
 
 @torch.no_grad()
@@ -90,8 +82,8 @@ def run_stage3(session: Session, data: MotionData, module: Generator, length: St
     schedule = Schedule.linear(module.config.diffusion_steps)
     tau = torch.as_tensor(schedule.subsequence(module.config.inference_steps), device=session.device)
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
-    lanes = lanes_of(session, data, batch, 9)
-    state = generator_state(module, parameters, steps, {"rows": rows, "lanes": lanes})
+    lanes = stage_motion.lanes_of(session, data, batch, 9)
+    state = stage_motion.generator_state(module, parameters, steps, {"rows": rows, "lanes": lanes})
     supervised = False
 
     def prepare(at: float) -> tuple:
@@ -102,23 +94,23 @@ def run_stage3(session: Session, data: MotionData, module: Generator, length: St
 
     def losses(item: Tensor) -> Losses:
         with torch.no_grad():
-            mixed = mixed_batch(data, item, lanes)
+            mixed = stage_motion.mixed_batch(data, item, lanes)
             e, alpha = module.embed(mixed.x, mixed.z)
-            with full_precision(e.device):
+            with stage_motion.full_precision(e.device):
                 codes = module.target_codes(e.float(), alpha.float(), mixed.target)
             n, noisy = _noised(schedule, tau, codes.float())
         predicted = module.denoiser(noisy, e, n).float()
-        with full_precision(e.device):
+        with stage_motion.full_precision(e.device):
             y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
-            motion = motion_losses(data, lanes, mixed, y)
+            motion = stage_motion.motion_losses(data, lanes, mixed, y)
             total = terms.codes(codes.float(), predicted)
             result = {"codes": total}
             if supervised:
-                result, total = result | motion, 0.1 * total + total_of(motion)
+                result, total = result | motion, 0.1 * total + stage_motion.total_of(motion)
             return result | {"total": total}
 
     state.prepare = prepare
-    train(session, "stage3", state, rows, losses, _cosine(steps, peak_of(batch)), length)
+    train(session, "stage3", state, rows, losses, _cosine(steps, stage_motion.peak_of(batch)), length)
     module.load_state_dict(state.average.values)
     return module.eval()
 

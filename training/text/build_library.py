@@ -17,20 +17,12 @@ from tokenizers import Tokenizer
 
 from runtime.assets import asset_path
 from runtime.errors import run_command
+from runtime.prompts import library_data
 from runtime.prompts.content import one_sided
 from runtime.prompts.english.grammar import grammar
 from runtime.prompts.english.other_languages import save_languages
 from runtime.prompts.english.phrases import PhraseIndex
 from runtime.prompts.english.spelling import ENGLISH, Spelling
-from runtime.prompts.library_data import (
-    PromptLibrary,
-    embed_library,
-    library_hash,
-    load_library,
-    load_styles,
-    save_embeddings,
-    sentences,
-)
 from runtime.prompts.phrasing import PHRASINGS, load_phrasings
 from runtime.prompts.text_encoder import STORED, TextEncoder
 
@@ -40,19 +32,23 @@ def build_library(directory: Path) -> Path:
 
     The text encoder gets the vectors of all that the library, its rules and the models' phrasings say of parts.
     """
-    library = load_library(directory / "library.json", load_styles(directory / "styles.json"))
+    library = library_data.load_library(
+        directory / "library.json", library_data.load_styles(directory / "styles.json")
+    )
     encoder = TextEncoder(stored=False)
     target = directory / "library.npz"
     save_sentences(asset_path("text/text_encoder.json").with_name(STORED), said(library), encoder)
-    embeddings = replace(embed_library(library, encoder), other_words=other_words(PhraseIndex(library).known))
-    save_embeddings(target, embeddings, library_hash(library), encoder.name)
+    embeddings = replace(
+        library_data.embed_library(library, encoder), other_words=other_words(PhraseIndex(library).known)
+    )
+    library_data.save_embeddings(target, embeddings, library_data.library_hash(library), encoder.name)
     save_languages(directory, library)
     return target
 
 
-def said(library: PromptLibrary) -> list[str]:
+def said(library: library_data.PromptLibrary) -> list[str]:
     """Sentences that the networks read often: limbs as left ones, torso and head to the left and as they are."""
-    spoken = set(sentences(library))
+    spoken = set(library_data.sentences(library))
     spoken |= {text.replace("{s}", "left") for text in grammar().said()}
     spoken |= {text for one in load_phrasings(asset_path(PHRASINGS)).values() for text in one.table.values()}
     return sorted(spoken | {one_sided("head", text)[0] for text in spoken})

@@ -198,34 +198,24 @@ class ClipTextTower(nn.Module):
 def load_encoder(directory: Path) -> SentenceEncoder:
     """MiniLM with the weights of a folder, every tensor accounted for; FileError when one is missing."""
     encoder = SentenceEncoder(BertConfig.read(directory / "config.json"))
-    # without the next-sentence head and an index buffer, which are not part of a sentence's embedding
-    weights = {
-        name: tensor
-        for name, tensor in _weights(directory).items()
-        if not name.startswith("pooler.") and not name.endswith("position_ids")
-    }
-    return _loaded(encoder, weights, _BERT_NAMES, directory)
+    # without the next-sentence head, which is no part of a sentence's embedding
+    return _loaded(encoder, directory, _BERT_NAMES, r"(?!pooler\.)")
 
 
 def load_tower(directory: Path) -> ClipTextTower:
     """The text tower with the weights of a CLIP folder, every tensor accounted for; FileError when one is missing."""
     tower = ClipTextTower(ClipTextConfig.read(directory / "config.json"))
-    weights = {
-        name: tensor
-        for name, tensor in _weights(directory).items()
-        if name.startswith(("text_model.", "text_projection.")) and not name.endswith("position_ids")
-    }
-    return _loaded(tower, weights, _CLIP_NAMES, directory)
+    return _loaded(tower, directory, _CLIP_NAMES, r"text_model\.|text_projection\.")
 
 
-def _loaded(
-    network: Network, weights: dict[str, Tensor], names: tuple[tuple[str, str], ...], directory: Path
-) -> Network:
+def _loaded(network: Network, directory: Path, names: tuple[tuple[str, str], ...], own: str) -> Network:
+    """The network with those weights whose names begin as `own` says, but for buffers of positions."""
     state = {}
-    for name, tensor in weights.items():
-        for old, new in names:
-            name = re.sub(old, new, name)
-        state[name] = tensor.float()
+    for name, tensor in _weights(directory).items():
+        if re.match(own, name) and not name.endswith("position_ids"):
+            for old, new in names:
+                name = re.sub(old, new, name)
+            state[name] = tensor.float()
     try:
         network.load_state_dict(state)
     except RuntimeError as error:

@@ -34,6 +34,7 @@ from runtime.prompts.edit_targets import HAND, phrases, spoken
 from runtime.prompts.library_data import load_styles
 from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
+from training.data.foot_cleaning import stretches
 from training.frames import PLAIN
 
 ASKED_WEIGHT = 1e-5  # of what is asked: enough to be measured, and next to nothing is added
@@ -97,10 +98,9 @@ def _steady(yaw: Array, velocity: Array, times: float = 1.0) -> Flags:
 
 
 def _stretches(steady: Flags) -> Iterator[slice]:
-    edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(int)))
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in stretches(steady):
         if last - first >= SHORTEST_S * FPS:
-            yield slice(int(first), int(min(last, first + LONGEST_S * FPS)))
+            yield slice(first, int(min(last, first + LONGEST_S * FPS)))
 
 
 def _read(

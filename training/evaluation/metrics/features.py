@@ -14,6 +14,7 @@ from runtime.feet import skating as feet
 from runtime.motion.features import FPS
 from runtime.motion.model import ExportedMotionEncoder
 from runtime.skeleton import SPORT_SKELETON
+from training.data.gait import angle
 from training.evaluation.metrics.motion import (
     WINDOW_FRAMES,
     WINDOW_STRIDE,
@@ -65,12 +66,12 @@ def kinematic_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array
     joints = root.joints[:, _JOINTS].reshape(len(root.joints), -1)[index]
     moved = np.diff(root.joints[index][:, :, _JOINTS], axis=1) * _RATE
     speed = np.linalg.norm(moved, axis=-1)
-    angle = _angles(root.joints)[index]
+    angles = _angles(root.joints)[index]
     velocity = root.velocity[index]
     parts = [
         joints.mean(1), joints.std(1), np.ptp(joints, axis=1),
         speed.mean(1), speed.std(1),
-        angle.mean(1), angle.std(1), np.ptp(angle, axis=1),
+        angles.mean(1), angles.std(1), np.ptp(angles, axis=1),
         velocity.mean(1), velocity.std(1),
         _standing(root)[index].mean(1),
     ]  # fmt: skip
@@ -95,8 +96,7 @@ def _angles(joints: Array) -> Array:
     columns = []
     for middle, first, last in _BENDS:
         a, b = joints[:, at(first)] - joints[:, at(middle)], joints[:, at(last)] - joints[:, at(middle)]
-        cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1))
-        columns.append(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        columns.append(np.radians(angle(a, b)))
     for first, last in _LEANS:
         bone = joints[:, at(last)] - joints[:, at(first)]
         length = np.linalg.norm(bone, axis=-1)

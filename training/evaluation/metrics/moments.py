@@ -20,7 +20,8 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.formats.bvh import read_bvh
 from runtime.motion.control_scripts import StickScript, StickSegment
-from training.data.gait import GaitJoints
+from training.data.foot_cleaning import stretches
+from training.data.gait import GaitJoints, angle
 
 FPS = 60
 STANDING_SPEED_M_PER_S = 0.08  # m/s of the smoothed hips: slower is standing
@@ -80,9 +81,7 @@ def hips_turn(p: Points) -> Array:
 
 def bend(p: Points, joint: str, upper: str, lower: str) -> Array:
     """Flexion of a joint between two others, degrees `(T,)`."""
-    a, b = p[joint] - p[upper], p[lower] - p[joint]
-    cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1))
-    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return angle(p[joint] - p[upper], p[lower] - p[joint])
 
 
 def pops(flexion: Array) -> NDArray[np.intp]:
@@ -108,9 +107,8 @@ def toe_heights(p: Points, resting: NDArray[np.bool_]) -> Array:
 
 def paths_near_ground(toe: Array, height: Array) -> list[float]:
     """Centimetres that a toe `(T, 3)` travels over the ground in each stay within `NEAR_GROUND_M` of its resting height."""
-    edges = np.flatnonzero(np.diff(height < NEAR_GROUND_M, prepend=False, append=False))
     steps = np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1)
-    return [100.0 * float(steps[a : b - 1].sum()) for a, b in edges.reshape(-1, 2).tolist()]
+    return [100.0 * float(steps[a : b - 1].sum()) for a, b in stretches(height < NEAR_GROUND_M)]
 
 
 class Curves:

@@ -13,6 +13,7 @@ from runtime.feet import skating as feet
 from runtime.motion.features import FPS
 from runtime.terrain.courses import Obstacle
 from runtime.terrain.height_map import Terrain
+from training.data.foot_cleaning import stretches
 
 Mask = NDArray[np.bool_]
 
@@ -164,7 +165,7 @@ def flights(positions: Array, contacts: Array, gaps: Sequence[tuple[Obstacle, Ob
         around = (positions[:, 0, 2] > first.end - 0.5) & (positions[:, 0, 2] < second.begin + 0.5)
         under = np.where(soles[..., 2] < 0.5 * (first.end + second.begin), first.top, second.top)
         high = (soles[..., 1] - under > FLIGHT_M).all(1)
-        flown += int(_longest(high & around) >= round(FLIGHT_S * FPS))
+        flown += any(last - begin >= round(FLIGHT_S * FPS) for begin, last in stretches(high & around))
     return flown, missed
 
 
@@ -176,11 +177,6 @@ def frozen_seconds(positions: Array, xz: Array, requested: Array) -> int:
     moved = speed[: whole * FPS].reshape(whole, FPS).mean(1)
     wanted = np.asarray(requested)[: whole * FPS].reshape(whole, FPS)
     return int(((wanted > 0.3).all(1) & (moved < FROZEN_FRACTION * wanted.mean(1))).sum())
-
-
-def _longest(mask: Mask) -> int:
-    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def mean_of(rows: Sequence[dict[str, Any]], key: str) -> float:

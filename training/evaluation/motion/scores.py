@@ -23,6 +23,7 @@ from training.evaluation.metrics.motion import (
     pair_distance,
     transition_jerk,
 )
+from training.evaluation.motion import driving
 from training.evaluation.motion.capture import (
     OVERALL_COMPONENTS,
     STYLE_COMPONENTS,
@@ -30,16 +31,7 @@ from training.evaluation.motion.capture import (
     EvaluationPlan,
     clip_skating,
 )
-from training.evaluation.motion.driving import (
-    STEADY_FRAMES,
-    RingRun,
-    RingWalk,
-    flat_ground,
-    follow,
-    replay,
-    run_ring,
-    transitions,
-)
+from training.evaluation.motion.driving import RingRun, RingWalk
 from training.evaluation.motion.evaluated_model import EvaluatedModel, count_parameters, frame_times
 
 TERRAINS = ("hills", "stairs", "rough")
@@ -80,7 +72,9 @@ def follow_group(
 
     def take(segment: int, number: int) -> Motion:
         clip = segments[segment].load()
-        made = follow(evaluated.model, clip, evaluated.style(style, number), plan.options.seed + number)
+        made = driving.follow(
+            evaluated.model, clip, evaluated.style(style, number), plan.options.seed + number
+        )
         errors.append(np.linalg.norm(clip.positions[:, 0, ::2] - made.positions[:, 0, ::2], axis=-1))
         distances.append([len(m) * mean_speed(m.positions) for m in (clip, made)])
         return made
@@ -139,9 +133,9 @@ def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, 
     for walk in walks:
         found = {"captured": plan.captured_skating(walk.style, walk.gait.label)}
         result.setdefault(walk.style, {})[walk.gait.label] = found
-    for ground in (flat_ground(), make_terrain("rough", plan.options.seed)):
+    for ground in (driving.flat_ground(), make_terrain("rough", plan.options.seed)):
         log.info(f"{evaluated.name}: courses on {ground.name}")
-        runs = run_ring(evaluated.model, ground, walks, plan.options.course_seconds)
+        runs = driving.run_ring(evaluated.model, ground, walks, plan.options.course_seconds)
         for walk, run in zip(walks, runs, strict=True):
             result[walk.style][walk.gait.label][ground.name] = _course_scores(run)
     return result
@@ -181,7 +175,7 @@ def score_terrain(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, 
         for gait in GAITS:
             walks = _walks(plan, evaluated, styles, (gait,))
             rows = []
-            for run in run_ring(evaluated.model, ground, walks, plan.options.course_seconds):
+            for run in driving.run_ring(evaluated.model, ground, walks, plan.options.course_seconds):
                 feet = terrain_feet(run.motion.positions, ground)
                 rows.append({**feet, "path_error_m": run.path_error.mean()})
             if rows:
@@ -211,8 +205,8 @@ def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[s
         (evaluated.style(styles[one], k), evaluated.style(styles[other], k))
         for k, (one, other) in enumerate(pairs)
     ]
-    walks = transitions(evaluated.model, codes, plan.options.seed)
-    ratios = [transition_jerk(positions, STEADY_FRAMES) for positions in walks]
+    walks = driving.transitions(evaluated.model, codes, plan.options.seed)
+    ratios = [transition_jerk(positions, driving.STEADY_FRAMES) for positions in walks]
     return {"ratio": float(np.mean(ratios)), "count": count}
 
 
@@ -228,7 +222,10 @@ def score_diversity(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str
         distances = []
         for k, clip in clips if temperature > 0 else clips[:DETERMINISM_CLIPS]:
             z = evaluated.style(clip.style, k)
-            pair = [replay(evaluated.model, clip, z, seed, temperature, DIVERSITY_LEAD_IN) for seed in (1, 2)]
+            pair = [
+                driving.replay(evaluated.model, clip, z, seed, temperature, DIVERSITY_LEAD_IN)
+                for seed in (1, 2)
+            ]
             distances.append(pair_distance(*pair))
         result[f"temperature_{temperature:.0f}"] = float(np.mean(distances))
     return result

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from benchmarks.timing import times_ms
 from runtime.atomic import temporary_folder
-from runtime.errors import run_command
-from training.evaluation.experiment import Experiment, Setting, entry, option
+from training.evaluation.experiment import Experiment, Setting, option, run_alone
 
 PROMPTS = ("a proud walk", "drunk", "an old man", "march like a soldier")
 
@@ -47,7 +46,6 @@ BATCH = Experiment(
         option("--workers", type=int, default=2),
     ),
 )
-main = entry(BATCH, "python -m benchmarks.batch")
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("batch", main))
+    raise SystemExit(run_alone(BATCH, "batch"))

@@ -20,8 +20,7 @@ from typing import Any
 from benchmarks.timing import cpu_name, times_ms
 from runtime.assets import PROJECT_ROOT
 from runtime.atomic import temporary_folder
-from runtime.errors import run_command
-from training.evaluation.experiment import Experiment, Setting, entry, option
+from training.evaluation.experiment import Experiment, Setting, option, run_alone
 from viewer.app import App
 from viewer.options import ViewOptions
 from viewer.settings import QUALITIES
@@ -144,7 +143,6 @@ FRAMES = Experiment(
         option("--against", type=Path, metavar="CLONE", help="compare with another clone, in turns"),
     ),
 )
-main = entry(FRAMES, "python -m benchmarks.frames")
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("frames", main))
+    raise SystemExit(run_alone(FRAMES, "frames"))

@@ -27,9 +27,9 @@ from benchmarks.timing import cpu_name, times_ms
 from runtime.arrays import Float32Array
 from runtime.assets import PROJECT_ROOT
 from runtime.atomic import temporary_folder
-from runtime.errors import UsageError, run_command
+from runtime.errors import UsageError
 from runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
-from training.evaluation.experiment import Arguments, Experiment, Setting, entry, option
+from training.evaluation.experiment import Arguments, Experiment, Setting, option, run_alone
 from training.markdown import table as markdown_table
 
 Feed = dict[str, Float32Array]
@@ -234,7 +234,6 @@ NETWORKS = Experiment(
     options=("model", option("--preset", help="random weights of this preset")),
     check=_check,
 )
-main = entry(NETWORKS, "python -m benchmarks.networks")
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("networks", main))
+    raise SystemExit(run_alone(NETWORKS, "networks"))

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.random import Generator
 
 from runtime.controls import Controls, Gait
-from runtime.errors import run_command
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import load_model
@@ -25,7 +24,7 @@ from runtime.prompts.prompter import Prompter
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, make_terrain
 from training.evaluation import log
-from training.evaluation.experiment import Experiment, Setting, entry, option
+from training.evaluation.experiment import Experiment, Setting, option, run_alone
 from training.markdown import number, table
 
 DEPTH_M = 0.3
@@ -219,7 +218,6 @@ RANDOM_PLAY = Experiment(
     ),
     failed=lambda figures: any(Count(**run).failures for run in figures["runs"]),
 )
-main = entry(RANDOM_PLAY, "python -m benchmarks.random_play")
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("random play", main))
+    raise SystemExit(run_alone(RANDOM_PLAY, "random_play"))

@@ -24,7 +24,6 @@ from runtime.assets import asset_path
 from runtime.atomic import temporary_folder
 from runtime.character.character import load_character
 from runtime.character.fbx_to_glb import Kept
-from runtime.errors import run_command
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.glb import MANNEQUIN
 from runtime.formats.options import ExportOptions
@@ -34,7 +33,7 @@ from runtime.generate import generate_clip
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.evaluation import log
-from training.evaluation.experiment import Experiment, Setting, entry
+from training.evaluation.experiment import Experiment, Setting, run_alone
 from training.markdown import table
 
 RATES = (30.0, 30000 / 1001, 60.0)
@@ -275,7 +274,6 @@ READ_BACK = Experiment(
     "read back",
     failed=lambda rows: any(wrong or worst > 1.0 for row in rows for worst, wrong in row[4:]),
 )
-main = entry(READ_BACK, "python -m benchmarks.read_back")
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("read_back", main))
+    raise SystemExit(run_alone(READ_BACK, "read_back"))

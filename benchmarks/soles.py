@@ -16,11 +16,10 @@ from runtime.character.character import Character, load_character
 from runtime.character.shape import BodyShape, shaped
 from runtime.character.skinned_mesh import skin_vertices
 from runtime.character.writer import write_character
-from runtime.errors import run_command
 from runtime.feet.skating import TOES
 from runtime.generate import generate_clip
 from runtime.takes.clip import Clip
-from training.evaluation.experiment import Experiment, Setting, entry, option
+from training.evaluation.experiment import Experiment, Setting, option, run_alone
 from training.markdown import number, table
 
 BODIES = {
@@ -92,7 +91,6 @@ def sole_table(rows: list[list[Any]]) -> str:
 SOLES = Experiment(
     __doc__, sole_figures, sole_table, "soles", options=(option("--seconds", type=float, default=4.0),)
 )
-main = entry(SOLES, "python -m benchmarks.soles")
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("soles", main))
+    raise SystemExit(run_alone(SOLES, "soles"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 from training.augmentation.catalogue import PartEdit, edits_of_key
+from training.data.readers import read_json
 from training.data.sources import style_library
 from training.frames import FrameTable
 
@@ -133,9 +133,4 @@ def _sentences(descriptions: list[list[PartDescriptions]], k: int) -> tuple[list
 def _optional(folder: Path | None, name: str) -> dict[str, Any]:
     if folder is None or not (folder / name).exists():
         return {}
-    try:
-        return json.loads((folder / name).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(
-            f"{folder / name}: not a readable JSON file.", "Build it again, or delete it."
-        ) from error
+    return read_json(folder / name, "Build it again, or delete it.")

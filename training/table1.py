@@ -24,9 +24,10 @@ from runtime.motion.model_files import read_metadata
 from training.ablations import OPTIONS as TRAINING_OPTIONS
 from training.ablations import check as check_training
 from training.ablations import give_way, train_row
+from training.data.readers import read_json
 from training.evaluation import log
 from training.evaluation.command import check_seconds, plan_of
-from training.evaluation.experiment import PLAN, Arguments, Experiment, Setting, option, read_json
+from training.evaluation.experiment import PLAN, Arguments, Experiment, Setting, option
 from training.evaluation.metrics.features import joined
 from training.evaluation.metrics.frechet import compare
 from training.evaluation.motion.capture import OVERALL_COMPONENTS, EvaluationPlan
@@ -165,7 +166,7 @@ def _stored(path: Path | None, options: dict[str, Any]) -> dict[str, dict[str, C
     """The cells of the store, none where it is not there; FileError for one of other options."""
     if path is None or not path.is_file():
         return {}
-    kept = read_json(path)
+    kept = read_json(path, "Name another --store.")
     if not isinstance(kept, dict) or kept.get("options") != options:
         raise FileError(
             f"{path}: holds no figures of these options.", "Name another --store, or take the same options."

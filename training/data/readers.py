@@ -1,16 +1,27 @@
-"""Readers of takes that are not plain BVH with Y up."""
+"""Readers of JSON, and of takes that are not plain BVH with Y up."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from runtime import rotations
+from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, read_bvh
 from runtime.safe_read import open_npz
 from runtime.skeleton import Skeleton
+
+
+def read_json(path: Path, remedy: str) -> Any:
+    """What a JSON file holds; FileError where it cannot be read."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: not a readable JSON file.", remedy) from error
 
 
 def read_z_up(path: Path) -> BvhMotion:

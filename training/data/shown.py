@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from runtime.errors import FileError
+from training.data.readers import read_json
 
 
 @dataclass(frozen=True)
@@ -172,11 +171,7 @@ _CMU_WANTED = {"walk", "run", "jog", "jump", "hop", "march", "navigate", "steps"
 
 @lru_cache(1)
 def _cmu_descriptions(folder: Path) -> dict[str, str]:
-    index = folder / "index.json"
-    try:
-        return json.loads(index.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(f"{index}: {error}.", "Unpack the archive again.") from error
+    return read_json(folder / "index.json", "Unpack the archive again.")
 
 
 def cmu(path: Path) -> Shown | str:

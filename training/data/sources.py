@@ -14,7 +14,7 @@ from typing import Any
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, read_bvh
 from training.data import shown
-from training.data.readers import read_transforms, read_z_up
+from training.data.readers import read_json, read_transforms, read_z_up
 from training.data.shown import ClipSource, Listing, Refusal, Shown
 from training.data.source_skeletons import SourceSkeleton, known_skeletons
 
@@ -254,9 +254,4 @@ def style_library(path: Path) -> dict[str, Any]:
     name in `styles.json` next to this file. FileError where `path` is damaged.
     """
     own = json.loads(Path(__file__).with_name("styles.json").read_text(encoding="utf-8"))
-    try:
-        return own | dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError) as error:
-        raise FileError(
-            f"{path}: not a readable JSON file.", "Restore assets/prompts/styles.json."
-        ) from error
+    return own | dict(read_json(path, "Restore assets/prompts/styles.json."))

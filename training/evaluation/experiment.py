@@ -19,7 +19,8 @@ from typing import Any
 
 from runtime.assets import model_folder
 from runtime.atomic import check_target, write_atomic
-from runtime.errors import FileError, UsageError
+from runtime.errors import UsageError, run_command
+from training.data.readers import read_json
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.markdown import check_section, write_section
 
@@ -62,6 +63,7 @@ OPTIONS = {
     "quick": option("--quick", action="store_true", help="a trial: too little motion for figures to quote"),
 }
 PLAN = ("features", "styles", "quick")  # of how much is generated, and what it is compared by
+_KEEP = "Keep the figures with --json FILE first."
 _OUTPUTS = (
     option("--json", type=Path, metavar="FILE", help="write all figures to FILE"),
     option("--known", type=Path, metavar="FILE", help="make the table of the figures that --json kept"),
@@ -119,7 +121,7 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
     if args.markdown is not None:
         check_section(args.markdown, section)
     _check(experiment, args)
-    figures = experiment.figures(Setting(args)) if args.known is None else read_json(args.known)
+    figures = experiment.figures(Setting(args)) if args.known is None else read_json(args.known, _KEEP)
     text = experiment.table(figures)
     print(text.rstrip("\n"))
     if args.json is not None:
@@ -157,19 +159,9 @@ def _short(value: Any) -> str:
     return "" if value is True else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def read_json(path: Path) -> Figures:
-    """What --json or --store kept; FileError where it cannot be read."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(
-            f"{path}: not a readable JSON file.", "Keep the figures with --json FILE first."
-        ) from error
-
-
-def entry(experiment: Experiment, program: str) -> Callable[[], int]:
-    """The `main` of a module that is one experiment."""
-    return lambda: run(experiment, sys.argv[1:], program)
+def run_alone(experiment: Experiment, name: str) -> int:
+    """The exit code of a benchmark that is an experiment."""
+    return run_command(name, lambda: run(experiment, sys.argv[1:], f"python -m benchmarks.{name}"))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -31,7 +31,7 @@ Times = dict[str, list[float]]  # milliseconds by part, one entry a frame
 
 
 def frame_figures(setting: Setting) -> dict[str, Any]:
-    """Of a window that walks: what it is, its frames a second, and its times."""
+    """Measure a window that walks: what it is, its frames a second, and its times."""
     args = setting.args
     if args.against is not None:
         return {"turns": turns(args.against, [*args.size.split("x"), str(args.frames), args.quality])}

@@ -101,7 +101,7 @@ GROUNDS: tuple[Callable[[Generator], Terrain], ...] = (
 
 @dataclass
 class Count:
-    """What was seen in one run."""
+    """The counts of one run."""
 
     frames: int = 0
     # frames with a joint under the ground, of each ground

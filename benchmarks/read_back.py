@@ -244,7 +244,7 @@ def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArra
 
 
 def measure(setting: Setting) -> list[list[Any]]:
-    """Of every row its kind, takes, root and character, and its cells by rate."""
+    """Measure every row: its kind, takes, root and character, and its cells by rate."""
     kinds, rows = [kind for kind in READERS if kind[:3] != "usd" or find_spec("pxr") is not None], []
     with temporary_folder() as folder:
         clip = generate_clip("a proud walk", seconds=2.0)

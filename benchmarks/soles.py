@@ -61,7 +61,7 @@ def measure(character: Character, clip: Clip) -> tuple[float, float, float]:
 
 
 def sole_figures(setting: Setting) -> list[list[Any]]:
-    """Of every body and walk its measures."""
+    """The measures of every body and walk."""
     seconds, rows = setting.args.seconds, []
     mannequin = load_character(asset_path("character/mannequin.glb"))
     clips = [(f"{p}, {g}", generate_clip(p, gait=g, seconds=seconds, path="circle")) for p, g in WALKS]

@@ -16,7 +16,7 @@ def times_ms(work: Callable[[], object], count: int, warm_up: int = 0) -> list[f
 def clock_and_processor_ms(
     work: Callable[[], object], count: int, warm_up: int = 0
 ) -> tuple[list[float], list[float]]:
-    """The same, and milliseconds of all processors: they hardly grow where others use the machine too."""
+    """Milliseconds of each call, and those of all processors: they hardly grow where others use the machine too."""
     times, processor = [], []
     for number in range(warm_up + count):
         begin, used = time.perf_counter(), time.process_time()

@@ -95,7 +95,7 @@ class FrameTensors:
         return x, y
 
     def plan(self, rows: Tensor, ahead: int = 0, often: float = 1.0) -> CompositionPlan:
-        """What is put on the bases `rows`, see `Composer.draw`: nothing without a composer."""
+        """The parts that are put on the bases `rows`, see `Composer.draw`: none without a composer."""
         if self.composer is None:
             return CompositionPlan.nothing(len(rows), rows.device)
         return self.composer.draw(rows, ahead, often)
@@ -151,7 +151,7 @@ class RandomRows:
         self._drawn = drawn.to(self._last.device)
 
     def state_dict(self) -> dict[str, Any]:
-        """Where the random numbers are."""
+        """The state of the random numbers."""
         if self._used == DRAWN_BATCHES:
             return {"generator": self._generator.get_state(), "used": DRAWN_BATCHES}
         return {"generator": self._before, "used": self._used}
@@ -180,7 +180,7 @@ class Normalisation:
 
     @staticmethod
     def measure(x: Tensor, y: Tensor) -> Normalisation:
-        """From samples `(n, 472)`, `(n, 473)`: deviations are shared inside each field, as in PFNN."""
+        """Measure samples `(n, 472)`, `(n, 473)`: deviations are shared inside each field, as in PFNN."""
         mean, deviation = x.mean(0), _field_deviation(x, INPUT, _INPUT_SCALE)
         limit = torch.full_like(mean, float("inf"))
         for name in ("joint_velocities", "phase"):

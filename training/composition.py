@@ -68,7 +68,7 @@ class UpperBody:
 
     @staticmethod
     def of(table: FrameTable) -> UpperBody:
-        """Of every clip of a table, one after the other."""
+        """Read the upper bodies of every clip of a table, one after the other."""
         clips = len(table.styles)
         clock, activity = np.empty(len(table)), np.empty(len(table), np.float32)
         mean, steps = np.empty((clips, UPPER, 6), np.float32), np.zeros(clips, bool)
@@ -110,13 +110,13 @@ def _activity(y: Array, x: Array) -> Array:
 
 
 def acts_on_base(edit: PartEdit) -> bool:
-    """Whether a torso edit moves hips or feet, and so cannot be given to another body."""
+    """Return whether a torso edit moves hips or feet, and so cannot be given to another body."""
     return edit.kind in _OF_HIPS or (edit.does.of_steps and edit.kind != "shoulders")
 
 
 @dataclass
 class CompositionPlan:
-    """Of every sample `(B,)`: which of `PARTS` are changed `(B, 4)`, their clips `(B, 4)`, what is added to the base's
+    """For every sample `(B,)`: which of `PARTS` are changed `(B, 4)`, their clips `(B, 4)`, what is added to the base's
     clock (or to its seconds, for clips that do not step) to get the clip's `(B, 4)`."""
 
     changed: Tensor
@@ -245,7 +245,7 @@ class Composer:
         return replace(plan, changed=changed & ~pairs.any(1)[:, None])  # the base itself holds no such pair
 
     def lasts(self, rows: Tensor, plan: CompositionPlan) -> Tensor:
-        """Whether every changed part goes on at the base frames `rows`, `(B,)`."""
+        """Return whether every changed part goes on at the base frames `rows`, `(B,)`."""
         clock = self._base_clock(rows, plan.clips) + plan.shift
         high = self.upper.clock[self.last[plan.clips]] - plan.clips * CLIP_CLOCK_LENGTH
         return (~plan.changed | (clock <= high)).all(1)
@@ -253,7 +253,7 @@ class Composer:
     # --- poses --------------------------------------------------------------------------------------------------------
 
     def poses(self, rows: Tensor, plan: CompositionPlan, before: int = 0) -> list[UpperBodyPose]:
-        """Of base frames `rows` and the `before` frames ahead of them, latest first. All joints by forward kinematics."""
+        """Composed poses of base frames `rows` and of the `before` frames ahead of them, latest first, by forward kinematics."""
         with torch.autocast(rows.device.type, enabled=False):  # velocities are small differences
             return self._poses(rows, plan, before)
 

@@ -80,7 +80,7 @@ def root_motion(positions: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class RootPath:
-    """Where a motion's root goes: every frame's place `(T, 2)`, yaw `(T,)`, and the same with padded ends."""
+    """The path of a motion's root: every frame's place `(T, 2)`, yaw `(T,)`, and the same with padded ends."""
 
     root: Array
     yaw: Array
@@ -266,7 +266,7 @@ def load_frames(clips: Path, folder: Path) -> FrameTable:
 
 
 def stored_for(folder: Path, clips: Path) -> bool:
-    """Whether `load_frames` of these clips would find its table in `folder`."""
+    """Return whether `load_frames` of these clips would find its table in `folder`."""
     return _stored_files(folder) == _files(sorted(clips.glob("*.npz")))
 
 

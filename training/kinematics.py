@@ -92,7 +92,7 @@ def matrices(d: Tensor) -> Tensor:
 
 @lru_cache(2)
 def bone_chains(device: torch.device) -> tuple[Tensor, Tensor]:
-    """Which bones `(31, 31)` lead from the hips to each joint, and their offsets `(31, 3)`; the hips' own is zero."""
+    """The bones `(31, 31)` that lead from the hips to each joint, and their offsets `(31, 3)`; the hips' own is zero."""
     chains = torch.zeros(J, J)
     for joint, parent in enumerate(SPORT_SKELETON.parents):
         if parent >= 0:

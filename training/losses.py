@@ -86,7 +86,7 @@ def motion(target: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
 
 
 def unrest(moved: Tensor, velocity: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
-    """How far a rollout's steps from frame to frame are from its own velocity: mean square in units of `scale`.
+    """Difference of a rollout's steps from frame to frame to its own velocity: mean square in units of `scale`.
 
     `moved` and `velocity` `(B, n)` are m/s. Positions that tremble around their path are punished by nothing else: a
     millimetre is little to Eq. 11, and 6 cm/s to the eye. The rollout is held to itself and not to its clip, with
@@ -111,7 +111,7 @@ def swing(own: Tensor, captured: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
 
 
 def own_swing(own: Tensor, energies: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
-    """Of the movements `(B, n)` of rollouts: to swing farther where one moved less than its own clip of late, or less far.
+    """Make rollouts swing farther in the movements `(B, n)` in which they moved less than their own clips of late, or less far.
 
     `swing` compares the sums of a batch, in which a style that swings too little makes up for one that swings too much.
     `energies` `(2, B, n)` are running means of squares, the rollout's and its clip's; their logarithm is the weight, and
@@ -123,7 +123,7 @@ def own_swing(own: Tensor, energies: Tensor, scale: Tensor, kept: Tensor) -> Ten
 
 
 def offset(away: Tensor, offsets: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
-    """Of movements of rollouts `away` `(B, n)` from their clips': to go back where they were off on average of late.
+    """Draw movements that are `away` `(B, n)` from their clips' back where they were off on average of late.
 
     A rollout that is out of step with its clip is wrong in every frame, most of it in ways that average out. `offsets`
     `(B, n)` are the running means, and their product with the present error is on average their square.

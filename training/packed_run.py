@@ -55,7 +55,7 @@ class History:
 
     @staticmethod
     def of_run(folder: Path) -> History:
-        """From `before.json`, where there is one, and the run's own logs; FileError when either is damaged."""
+        """Read `before.json`, where there is one, and the run's own logs; FileError when either is damaged."""
         history = History()
         if (folder / BEFORE).exists():
             try:
@@ -76,7 +76,7 @@ class History:
 
     @staticmethod
     def from_mapping(stored: dict[str, Any], path: Path) -> History:
-        """From the fields as plain values; FileError names `path` when they are something else."""
+        """Make a history of its fields as plain values; FileError names `path` when they are something else."""
         try:
             steps = {str(stage): [int(n) for n in counts] for stage, counts in stored["steps"].items()}
             return History(steps, {str(stage): str(line) for stage, line in stored["losses"].items()})
@@ -132,7 +132,7 @@ def unpack(file: Path, run: Path, model: Path | None = None) -> None:
 
 @dataclass(frozen=True)
 class WeightLocation:
-    """Where a tensor of `shape` is: in `weight` of `graph`, its axes in the order `axes`."""
+    """The place of a tensor of `shape`: in `weight` of `graph`, its axes in the order `axes`."""
 
     graph: str
     weight: str
@@ -159,7 +159,7 @@ def leave_out(packed: dict[str, Any], model: Path) -> dict[str, Any]:
 
 
 def put_back(packed: dict[str, Any], model: Path) -> dict[str, Any]:
-    """What `leave_out` was given; FileError when the graphs in `model` are not those that it was given."""
+    """Restore what `leave_out` was given; FileError when the graphs in `model` are others."""
     for graph, digest in packed.get("graphs", {}).items():
         if _digest(model, graph) != digest:
             raise FileError(

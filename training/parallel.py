@@ -30,7 +30,7 @@ def rank() -> int:
 
 
 def workers() -> int:
-    """How many processes train together."""
+    """The number of processes that train together."""
     return int(os.environ.get("WORLD_SIZE", "1"))
 
 

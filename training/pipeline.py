@@ -189,7 +189,7 @@ def _learns_courses(run: Run) -> bool:
 
 
 def course_data(run: Run) -> stage_motion.MotionData:
-    """What the stage ground trains on in addition to captured clips; of several processes the first makes it, once."""
+    """The courses that the stage ground trains on in addition to captured clips; of several processes the first makes them, once."""
     normal = run.data.normal  # read by all, who wait for each other, before the first continues alone
     if parallel.rank():
         parallel.wait()
@@ -231,7 +231,7 @@ def export(run: Run) -> None:
 
 
 def trained(run: Run, stage: str, decoder: str) -> Trained:
-    """What is exported of the run as a stage left it."""
+    """Collect what is exported of the run as a stage left it."""
     generator = run.generator(stage)
     config, data, table, content = run.config, run.data, run.table, run.content
     sigma = np.zeros(config.inference_steps)

@@ -64,7 +64,7 @@ class ModelConfig:
 
     @staticmethod
     def of(stored: Mapping[str, Any]) -> ModelConfig:
-        """Of a model's metadata, which may hold fields of other versions."""
+        """The sizes in a model's metadata, which may hold fields of other versions."""
         known = {name: stored[name] for name in ModelConfig.__dataclass_fields__ if name in stored}
         return ModelConfig(**known | {"front": tuple(stored["front"])})
 

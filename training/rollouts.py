@@ -124,7 +124,7 @@ class RolloutLanes:
         return turned_back(joints + moved[:, None], root[:, 2])
 
     def swings(self, own: Tensor, captured: Tensor) -> tuple[Tensor, Tensor]:
-        """How far `movements` of lanes and clips have gone in `SWING_FRAMES`. Of no meaning for younger lanes."""
+        """Changes of the `movements` of lanes and clips within `SWING_FRAMES`; without meaning for younger lanes."""
         return own - self._history[0, 0], captured - self._history[1, 0]
 
     @torch.no_grad()
@@ -201,7 +201,7 @@ _STATE = ("rows", "patch", "phase", "age", "_history", "_energy", "_offset")
 
 
 def movements(y: Tensor, joints: Tensor) -> Tensor:
-    """What swings are measured on, `(B, 102)`: coordinates of the joints `(B, 31, 3)`, metres, and `turns`, radians."""
+    """The quantities whose swings are measured, `(B, 102)`: coordinates of the joints `(B, 31, 3)`, metres, and `turns`, radians."""
     return torch.cat([joints.flatten(1), turns(y, joints)], dim=1)
 
 

@@ -47,7 +47,7 @@ class Run:
 
     @staticmethod
     def of(args: argparse.Namespace) -> Run:
-        """From the options of the command. FileError for clips that must not enter the model."""
+        """Begin a run with the options of the command. FileError for clips that must not enter the model."""
         encoder = TextEncoder(args.text_encoder)
         config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
         if args.ablation:
@@ -75,7 +75,7 @@ class Run:
 
     @property
     def is_played(self) -> bool:
-        """Whether characters walk with the model: the runtime loads no other output, and ablations are only compared."""
+        """True if characters walk with the model: the runtime loads no other output, and ablations are only compared."""
         return self.config.output_size == OUTPUT_SIZE and not self.args.ablation
 
     def final(self, stage: str) -> Path:
@@ -83,7 +83,7 @@ class Run:
         return self.out / f"{stage}_final.pt"
 
     def length(self, stage: str, batch: int | None = None) -> StageLength:
-        """How long a stage trains; `batch` is by default that of stages 2 and 3, divided among the processes."""
+        """The length of a stage; `batch` is by default that of stages 2 and 3, divided among the processes."""
         batch = batch or max(1, self.args.batch // parallel.workers())
         return StageLength(getattr(self.args, stage), batch, self._end_of(stage))
 
@@ -130,7 +130,7 @@ class Run:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """How often each frame is drawn."""
+        """The sampling weight of each frame."""
         return sampling_weights(self.table, favoured=self.texts.of_rhythm())
 
     @cached_property
@@ -174,7 +174,7 @@ class Run:
 
     @cached_property
     def data(self) -> stage_motion.MotionData:
-        """What stages 2 and 3 train on."""
+        """The training data of stages 2 and 3."""
         normal = Normalisation(**{k: self.scales[k] for k in Normalisation.__dataclass_fields__})
         z = stage_content.style_table(self.content, self.texts, *self.style_scale)
         return stage_motion.MotionData(self.frames, normal, z, self.weights)

@@ -25,7 +25,7 @@ log = logging.getLogger("sport.train")
 
 @dataclass
 class Session:
-    """Where results go and on what they are computed; the same code runs on CPU and CUDA."""
+    """The folder of the results and the device that computes them; the same code runs on CPU and CUDA."""
 
     out: Path
     device: torch.device = field(
@@ -93,7 +93,7 @@ def load_checkpoint(path: Path) -> dict:
 
 
 class Resumable(Protocol):
-    """What a stage draws its samples from, kept in its checkpoints."""
+    """A source of a stage's samples, kept in its checkpoints."""
 
     def state_dict(self) -> Mapping[str, Any]: ...
 
@@ -102,7 +102,7 @@ class Resumable(Protocol):
 
 @dataclass(frozen=True)
 class StageLength:
-    """How long a stage trains: `steps` of `batch` samples in each process.
+    """The length of a stage: `steps` of `batch` samples in each process.
 
     With `ends`, seconds of `time.monotonic`, it trains until then: its schedule goes from 0 to `steps` by time.
     """
@@ -113,14 +113,14 @@ class StageLength:
 
 
 class StageSchedule:
-    """Where a stage is on its schedule of `length.steps`: by its steps, or by time."""
+    """The place of a stage on its schedule of `length.steps`: by its steps, or by time."""
 
     def __init__(self, length: StageLength, begun: float = 0.0) -> None:
         """`begun`: where an earlier process stopped, when this one goes by time."""
         self.length, self._begun, self._started = length, begun, time.monotonic()
 
     def at(self, step: int) -> float:
-        """Of the first process, where several train together: they must go and stop alike."""
+        """The place at a step, of the first process where several train together: they must go and stop alike."""
         if self.length.ends is None:
             return step
         gone = (time.monotonic() - self._started) / max(self.length.ends - self._started, 1e-3)

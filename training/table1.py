@@ -116,7 +116,7 @@ def _recognised(scores: dict[str, float]) -> Cells:
 
 
 def capture_cells(plan: EvaluationPlan) -> Cells:
-    """The same of the capture: one half of its takes against the other, and its held-out clips."""
+    """The columns of the capture: one half of its takes against the other, and its held-out clips."""
     held_out = score_held_out(plan)
     reference = joined([plan.reference[style] for style in plan.styles])
     cells = {}
@@ -133,11 +133,9 @@ def table_one(setting: Setting) -> dict[str, Any]:
     args, options = setting.args, _options(setting)
     store = args.store or (None if args.runs is None else args.runs / "table1.json")
     kept = {"options": options, "cells": _stored(store, options)}
-    trained = ROWS if args.runs is not None else ()
-    rows = [(CAPTURE, None), (SHIPPED, None), *((row.title, row) for row in trained)]
     for seed in args.seeds:
         plan = None  # made when the first row needs it
-        for title, row in rows:
+        for title, row in _rows(args):
             if str(seed) in kept["cells"].get(title, {}):
                 continue
             folder = model_of(setting, row, seed)
@@ -145,14 +143,24 @@ def table_one(setting: Setting) -> dict[str, Any]:
                 continue
             log.info(f"{title}, seed {seed}")
             plan = plan or plan_of(setting, seed)
-            if title == CAPTURE:
-                cells = capture_cells(plan)
-            else:
-                cells = cells_of(score_model(plan, EvaluatedModel(folder, plan.texts)))
+            cells = _scored(plan, None if title == CAPTURE else folder)
             kept["cells"].setdefault(title, {})[str(seed)] = cells
             if store is not None:
                 write_atomic(store, json.dumps(kept, indent=1) + "\n")
     return kept
+
+
+def _rows(args: Arguments) -> list[tuple[str, TableRow | None]]:
+    """Titles with what is trained for them: nothing for the capture and the shipped model."""
+    trained = ROWS if args.runs is not None else ()
+    return [(CAPTURE, None), (SHIPPED, None), *((row.title, row) for row in trained)]
+
+
+def _scored(plan: EvaluationPlan, folder: Path | None) -> Cells:
+    """Of a model, or of the capture itself where there is none."""
+    if folder is None:
+        return capture_cells(plan)
+    return cells_of(score_model(plan, EvaluatedModel(folder, plan.texts)))
 
 
 def _options(setting: Setting) -> dict[str, Any]:

@@ -173,7 +173,7 @@ def _widened(terrain: Terrain, clip: Clip) -> Terrain:
 
 
 def clip_of(motion: Motion) -> Clip:
-    """What a motion shows, without a name that tells who made it."""
+    """The clip of a motion, without a name that tells who made it."""
     return Clip("clip", FPS, motion.hips, motion.local, motion.contacts)
 
 

@@ -156,7 +156,7 @@ def _suitable(
 
 
 def walks_on_a_floor(motion: EditedMotion) -> bool:
-    """Whether a motion goes forward on level ground, so that its feet may be put elsewhere."""
+    """Return whether a motion goes forward on level ground, so that its feet may be put elsewhere."""
     feet = motion.joints[0][:, FOOT_JOINTS]
     ground = motion.ground.height(feet[..., 0], feet[..., 2])
     standing = motion.contacts.astype(bool)
@@ -239,7 +239,7 @@ def _one_layer(clips: Path, out: Path, seed: int, number: int) -> tuple[str, dic
 
 
 def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
-    """How many styles are captured, which edits were made, and how often, as Markdown."""
+    """A report as Markdown: how many styles are captured, which edits were made, and how often."""
     edits = Counter(e for entry in entries.values() for e in entry["edits"])
     combinations = {tuple(e["keys"]) for e in entries.values()}
     catalogue = part_edits()

@@ -42,7 +42,7 @@ class PartEdit(Edit):
 
     @property
     def rhythm(self) -> bool:
-        """Whether the evaluation counts it as rhythm and weight, and not as posture."""
+        """True if the evaluation counts it as rhythm and weight, and not as posture."""
         return self.does.of_steps or self.kind == "swing"
 
 

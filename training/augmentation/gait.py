@@ -99,7 +99,7 @@ def early_rise(time: Array, frames: int) -> Array:
 
 
 def height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
-    """How far a swinging foot is above the line between its lift-off and its landing."""
+    """Height of a swinging foot above the line between its lift-off and its landing."""
     result = np.zeros(len(height))
     for a, b in swings(down):
         line = np.linspace(height[max(a - 1, 0)], height[min(b, len(height) - 1)], b - a)

@@ -48,7 +48,7 @@ class Summary:
 
 
 def summarise(hips: Array, local: Array, contacts: NDArray[Any]) -> Summary:
-    """Of hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)`."""
+    """Summarise hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)`."""
     local = local.astype(np.float64)
     positions, _ = SPORT_SKELETON.forward_kinematics(hips.astype(np.float64), local)
     ahead = local.copy()
@@ -67,7 +67,7 @@ def mean_rotation(local: Array) -> Array:
 
 
 def rotation_change(one: Summary, other: Summary) -> Array:
-    """How differently joints `(31,)` move, radians: the angle between their mean rotations, and the change of spread.
+    """Difference `(31,)` of how joints move, radians: the angle between their mean rotations, and the change of spread.
 
     Both are time averages: a walk that is out of step with another differs in neither.
     """

@@ -96,7 +96,7 @@ class EditedMotion:
         return positions[:, ik.LEG_FEET], positions[:, ik.LEG_TOES], world[:, ik.LEG_FEET]
 
     def hips_turn(self) -> Array:
-        """How far the hips are turned from their mean of a cycle: rotation vectors `(T, 3)` in the facing direction.
+        """Turn of the hips from their mean of a cycle: rotation vectors `(T, 3)` in the facing direction.
 
         They are pitch, yaw and roll to the right, radians.
         """
@@ -140,7 +140,7 @@ class Edit:
         return float(self.parameters.get(name, 0.0))
 
     def amount(self, name: str, random: np.random.Generator, deviation: float) -> float:
-        """The same, a little varied."""
+        """A size, a little varied."""
         return self.size(name) * random.normal(1.0, deviation)
 
     def factor(self, name: str, random: np.random.Generator, deviation: float = 0.04) -> float:
@@ -315,7 +315,7 @@ def _heel_angle(thigh: Array, ankle: Array, toe: Array, foot: Array, behind: NDA
 
 
 def scaled_path(motion: EditedMotion, factor: Array | float) -> Array:
-    """What a root moves `(T, 3)` that goes `factor` `(T,)` times as far; its sideways curve about the path stays."""
+    """Shift `(T, 3)` of a root that goes `factor` `(T,)` times as far; its sideways curve about the path stays."""
     path, ahead = motion.path, motion.axes.ahead
     own = (motion.hips - path) * LEVEL
     along = np.sum(own * ahead, axis=1)[:, None] * ahead  # the curve along the path scales with it

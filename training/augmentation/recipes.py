@@ -66,7 +66,7 @@ def draw_base(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
 
 
 def allowed(names: tuple[str, ...]) -> bool:
-    """Whether a combination may enter training."""
+    """Return whether a combination may enter training."""
     pairs = (set(pair) <= set(names) for pair in catalogue().held_out_pairs.values())
     return not set(names) & catalogue().held_out and not any(pairs)
 

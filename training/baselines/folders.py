@@ -30,7 +30,7 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Order:
-    """What is made: a method's model folder `out` out of `clips`, which understands the prompts of `model`."""
+    """An order for a method's model folder `out`, made of `clips`, which understands the prompts of `model`."""
 
     method: str
     clips: Path

@@ -125,7 +125,7 @@ class Database:
         return base
 
     def save(self, path: Path) -> None:
-        """As half-precision numbers where that is enough: rotations within 0.05 degrees."""
+        """Write half-precision numbers where that is enough: rotations within 0.05 degrees."""
         kinds: dict[str, Any] = dict.fromkeys(("world", "root", "codes", "features"), np.float16)
         kinds |= {"hips": np.float32, "speeds": np.float32, "contacts": np.uint8}
         kinds |= {"last": np.int32, "style": np.int16, "code_style": np.int16}
@@ -155,7 +155,7 @@ class Database:
 
 @dataclass(frozen=True)
 class Playing:
-    """What one character plays: a place in the database, frames since the last search, and changes under way.
+    """The frame that one character plays: its place in the database, frames since the last search, changes under way.
 
     Places count frames of 1/60 s; a change is (place left, place entered, frames since).
     """
@@ -177,7 +177,7 @@ class Playing:
 
     @staticmethod
     def unpacked(phase: Array) -> Playing:
-        """Of the phase vectors `(13, 5, 2)` of an input; nothing is played where they are zero."""
+        """Read the phase vectors `(13, 5, 2)` of an input; nothing is played where they are zero."""
         amplitude = np.linalg.norm(phase[features.L // 2 :].reshape(-1, 2), axis=-1)
         high, low, since_search, *rest = (np.rint(amplitude).astype(int) - 1).tolist()
         if min(high, low) < 0:

@@ -40,7 +40,7 @@ class ClipRows:
 
 
 def clip_rows(frames: ClipFrames) -> ClipRows:
-    """What the database keeps of a clip's training frames."""
+    """The rows that the database keeps of a clip's training frames."""
     x, y = frames.x[::STEP].astype(np.float32), frames.y[::STEP].astype(np.float32)
     parts = split_output(y)
     joints = parts.joint_positions.copy()

@@ -126,7 +126,7 @@ def blended(weights: Tensor, biases: Tensor, blend: Tensor, x: Tensor) -> Tensor
 
 
 class Baseline(nn.Module):
-    """What all rivals have: the scales of x and y. `forward` takes and gives physical units."""
+    """A rival's network with the scales of x and y. `forward` takes and gives physical units."""
 
     def __init__(self, styles: int) -> None:
         super().__init__()

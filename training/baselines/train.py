@@ -90,7 +90,7 @@ class Method:
     rollouts: bool = False  # terrain rollouts too
 
     def learns_from(self, clip: ClipInfo) -> bool:
-        """Whether a clip is one of its kind."""
+        """Return whether a clip is one of its kind."""
         kind = self.rollouts or clip.group != TERRAIN_GROUP
         return kind and (not self.neutral or clip.style.startswith(PLAIN))
 

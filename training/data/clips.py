@@ -30,7 +30,7 @@ class Patches:
 
     @staticmethod
     def of(clip: Mapping[str, Array]) -> Patches:
-        """Those of a clip file."""
+        """The grounds of a clip file."""
         x, z = map(float, clip["patch_origin"])
         return Patches(clip["patch_heights"], (x, z), float(clip["patch_cell"]))
 
@@ -39,7 +39,7 @@ class Patches:
         return Terrain(name, self.heights[k].astype(np.float32), self.cell, self.origin)
 
     def mirrored(self) -> Patches:
-        """The same ground reflected through the plane X = 0."""
+        """The grounds reflected through the plane X = 0."""
         width = (self.heights.shape[1] - 1) * self.cell
         return Patches(self.heights[:, ::-1].copy(), (-(self.origin[0] + width), self.origin[1]), self.cell)
 

@@ -58,7 +58,7 @@ class GaitJoints:
 
     @staticmethod
     def of(motion: BvhMotion, first_frame: int = 0) -> GaitJoints:
-        """From a BVH of any known skeleton, at 60 frames a second or its own rate where that is lower."""
+        """Read a BVH of any known skeleton, at 60 frames a second or its own rate where that is lower."""
         positions = motion.world()[0][first_frame:].astype(np.float64)
         low = [n.lower().split(":")[-1] for n in motion.skeleton.names]
         found: dict[str, Array] = {}
@@ -83,7 +83,7 @@ def measure_file(path: Path, first_frame: int = 0) -> dict[str, float] | None:
 
 
 def measured_exports(clips: Iterable[Clip], measured: Callable[[Path], Measured]) -> list[Measured]:
-    """What is measured on the exported BVH of each clip."""
+    """Measure the exported BVH of each clip."""
     with temporary_folder() as folder:
         return [measured(save_bvh(clip, folder / "clip.bvh")) for clip in clips]
 
@@ -229,7 +229,7 @@ def _straight_strides(
 
 
 def median(measured: Iterable[dict[str, float]]) -> dict[str, float]:
-    """Of every measure, over those that have it."""
+    """The median of every measure over those that have it."""
     values: dict[str, list[float]] = {}
     for key, value in (item for m in measured for item in m.items()):
         values.setdefault(key, []).append(value)

@@ -145,7 +145,7 @@ class _Motion:
         return _Motion(**{name: values[start:end] for name, values in vars(self).items()})
 
     def cleaned(self, ground: GroundHeight) -> _Motion:
-        """With feet that stand on `ground`."""
+        """The motion with feet that stand on `ground`."""
         hips, local = clean_feet(self.hips, self.local, self.contacts, ground)
         positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
         return replace(self, hips=hips, local=local, positions=positions)

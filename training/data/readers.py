@@ -17,7 +17,7 @@ from runtime.skeleton import Skeleton
 
 
 def read_json(path: Path, remedy: str) -> Any:
-    """What a JSON file holds; FileError where it cannot be read."""
+    """Read a JSON file; FileError where it cannot be read."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

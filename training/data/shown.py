@@ -145,7 +145,7 @@ def bandai_name(stem: str) -> str:
 
 
 def longest_gestures(clips: list[ClipSource]) -> Listing:
-    """Of each gesture and performer the longest files."""
+    """Keep the longest files of each gesture and performer."""
     kept: list[ClipSource] = []
     refused: list[Refusal] = []
     gestures: dict[tuple[str, str], list[ClipSource]] = {}

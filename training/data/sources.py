@@ -243,7 +243,7 @@ def credits_of(sources: set[str]) -> list[str]:
 
 
 def licence_of(sources: set[str]) -> str:
-    """What may be done with weights that were trained on these archives."""
+    """The licence of weights that were trained on these archives."""
     return FREE if all(BY_NAME[name].free for name in sources) else NON_COMMERCIAL
 
 

@@ -91,7 +91,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is measured, from which inputs, and which table shows it."""
+    """A row of the evaluation: what is asked and measured, by which options, and how the figures are shown."""
 
     question: str
     figures: Callable[[Setting], Figures]

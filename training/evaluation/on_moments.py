@@ -53,7 +53,7 @@ class Row:
     digits: int = 2
 
     def values(self, clips: Iterable[dict[str, Any]]) -> Values:
-        """Of every clip, or of every moment of the kind in it."""
+        """The values of the measure in every clip, or in every moment of its kind."""
         if not self.kinds:
             return [clip["whole"][self.key] for clip in clips if self.key in clip["whole"]]
         return [
@@ -66,7 +66,7 @@ class Row:
         ]
 
     def right(self, values: Values) -> bool:
-        """Whether all values are in the range."""
+        """Return whether all values are in the range."""
         return all(self.low <= v <= self.high for v in values)
 
     def shown(self, values: Values) -> str:

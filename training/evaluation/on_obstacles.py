@@ -75,7 +75,7 @@ class ObstacleRun:
 def run_obstacles(
     model: MotionModel, course: ObstacleCourse, style: str, code: Array, gait: Gait, seed: int
 ) -> ObstacleRun:
-    """From the start mark at full stick along the middle of a course until it is passed or time is up."""
+    """Lead a character from the start mark at full stick along a course until it is passed or time is up."""
     controller = at_start(model, course.terrain(), code, seed)
     end = course.obstacles[-1].end + BEYOND_M
     limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
@@ -93,7 +93,7 @@ def at_start(model: MotionModel, ground: Terrain, code: Array, seed: int) -> Con
 
 
 def walked_to(end_m: float, controller: Controller, stick: Stick, frames: int) -> Track:
-    """What a character did until it was `end_m` along +Z, or for so many frames."""
+    """Lead a character until it is `end_m` along +Z, or for so many frames."""
     return walked([controller], stick, frames, lambda member: member.pose.root_position[2] > end_m)[0]
 
 

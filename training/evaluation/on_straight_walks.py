@@ -78,7 +78,7 @@ def raw_walks(data: Path, free_only: bool = False) -> dict[str, Measures]:
 
 
 def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[str, Measures]:
-    """The same of a character that walks straight ahead at full stick by each style's prompt, from its BVH."""
+    """Measures of a character that walks straight ahead at full stick by each style's prompt, from its BVH."""
     names = list(styles)
     members = characters(evaluated.model, flat_ground(), [evaluated.style(style, 0) for style in names])
     walks = walk_together(members, control_script("forward", "walk"), round(WALK_SECONDS * FPS))

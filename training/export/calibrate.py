@@ -54,7 +54,7 @@ DRAWS = 50  # frames of each
 
 
 def phase_signs(table: FrameTable, phase: np.ndarray) -> list[int] | None:
-    """Of every channel -1 where its vectors change their sign in the mirror image, else 1; `phase` is `(N, 5, 2)`.
+    """The sign of every channel's vectors in the mirror image: -1 where it changes, else 1; `phase` is `(N, 5, 2)`.
 
     None where no clip has its mirror image: such a network has no side to walk on but the one it saw.
     """
@@ -82,7 +82,7 @@ class _Claim:
 
     @property
     def on_a_line(self) -> bool:
-        """Whether it sets the feet on a line in any case: drawn out, such a code crosses the legs and leaves the way."""
+        """True if it sets the feet on a line in any case: drawn out, such a code crosses the legs and leaves the way."""
         said = (text for texts in self.words.values() for text in texts)
         return any(targets_of("left_leg", text).get("outward", (WIDE,))[0] <= CLOSE for text in said)
 
@@ -122,7 +122,7 @@ class _Walks:
         return [float(np.mean(fractions)) for fractions in zip(*found, strict=True)]
 
     def gains(self, several: Sequence[_Claim]) -> list[tuple[float, float]]:
-        """With which each is shown wholly alone, and among others.
+        """The gains with which each is shown wholly alone, and among others.
 
         The code of a hand that is held is its place: farther out is another, whatever the others do. A code that sets the
         feet on a line is left alone.
@@ -146,8 +146,7 @@ class _Walks:
         What farther out is not shown wholly distorts the rest.
         """
         shown, found = fractions(several, gains), list(gains)
-        weak = [i for i, fraction in enumerate(shown) if fraction < SHOWN]
-        left = {i: [gain for gain in GAINS if gain > gains[i]] for i in weak}
+        left = {i: _farther(gains[i]) for i, fraction in enumerate(shown) if fraction < SHOWN}
         while left := {i: farther for i, farther in left.items() if farther}:
             tried = {i: farther[len(farther) // 2] for i, farther in left.items()}
             reached = fractions([several[i] for i in tried], list(tried.values()))
@@ -165,6 +164,10 @@ class _Walks:
         own = [PART_NAMES.index(part) for part in claim.words]
         code[own] = self.neutral[own] + np.float32(gain) * (code[own] - self.neutral[own])
         return code
+
+
+def _farther(gain: float) -> list[float]:
+    return [each for each in GAINS if each > gain]
 
 
 def calibrated(

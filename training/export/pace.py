@@ -84,7 +84,7 @@ def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
 
 
 def forward_speeds(table: FrameTable, label: Gait) -> dict[int, np.ndarray]:
-    """Of every forward take in a gait, by clip: its speeds over half a second, starts and stops left out.
+    """Speeds over half a second of every forward take in a gait, by clip, starts and stops left out.
 
     Such a take goes straight ahead, or round the room at the same pace; of the short ones there is nothing to leave out.
     A walk with springing steps is a walk by its take's name, whatever its frames are labelled.

@@ -181,7 +181,7 @@ class _Recorder(MotionModel):
 
 
 def record_frames(folder: Path, text_encoder: Path | None) -> CalibrationFrames:
-    """What the networks of a folder meet while they walk, jog and sneak in six styles, in full precision."""
+    """Record what the networks of a folder meet while they walk, jog and sneak in six styles, in full precision."""
     model = _Recorder(folder)
     to_style = Prompter(model, text_encoder=text_encoder)
     for seed, (prompt, path, gait, terrain) in enumerate(COURSES):

@@ -176,7 +176,7 @@ def export_step(graph: FrameGraph, generator: Generator, steps: int, path: Path)
 
 
 class PlainGraph(ScaledGraph):
-    """The same frame exported as the networks are written, Z^t `(B, 384)` among the inputs: what speed is compared to.
+    """A frame exported as the networks are written, Z^t `(B, 384)` among the inputs: what speed is compared to.
 
     The content experts are blended in every frame.
     """

@@ -30,7 +30,7 @@ PASSES = 2
 
 
 def measure_gains(evaluated: EvaluatedModel, raw: Mapping[str, Measures]) -> dict[str, Array]:
-    """Of every style the gains with which its swings are as far as those of the raw files."""
+    """Gains of every style with which its swings are as far as those of the raw files."""
     gained = copy(evaluated)
     gained.model = copy(evaluated.model)
     found: dict[str, Array] = {style: np.ones(len(SWINGS)) for style in raw}

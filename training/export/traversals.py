@@ -105,7 +105,7 @@ def _problem(positions: Array, ground: Terrain) -> str:
 
 
 def folds(positions: Array, level: Array) -> bool:
-    """Whether a trunk tilts farther over an obstacle than ever on level ground: positions `(T, 31, 3)` of both."""
+    """Return whether a trunk tilts farther over an obstacle than ever on level ground: positions `(T, 31, 3)` of both."""
     tilts = [_tilt(each) for each in (positions, level)]
     return bool(tilts[0].max() > tilts[1].max() + MOST_TILT)
 

@@ -55,7 +55,7 @@ class ContentModulator(nn.Module):
         return (1.0 + deviation) * instance_norm(w) + mean
 
     def fold(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """What depends on the prompt alone, computed once per prompt change (exact).
+        """Compute what depends on the prompt alone, once per prompt change (exact).
 
         Z^t `(1, 384)` to front bias `(K, wide)`, folded content weight `(K * narrow, 2 n)` and bias `(K, 2 n)`.
         """

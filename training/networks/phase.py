@@ -87,7 +87,7 @@ class PeriodicAutoencoder(nn.Module):
         return self.encode_narrow(torch.tanh(self.encode_norm(self.encode_wide(tokens))))
 
     def latent_along(self, sequence: Tensor, rows: Tensor) -> Tensor:
-        """The same of windows that begin at `rows` `(B,)` of one sequence `(T, 31, 3)`, at a quarter of the cost.
+        """L_i of windows that begin at `rows` `(B,)` of one sequence `(T, 31, 3)`, at a quarter of the cost.
 
         What windows share is computed once. A window knows nothing beyond its ends: what the frames there bring is taken off.
         """

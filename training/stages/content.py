@@ -57,7 +57,7 @@ class Sequences:
 
     @property
     def scales(self) -> dict[str, Tensor]:
-        """What joints `(31, 9)` and root `(3,)` are normalised by."""
+        """The scales that normalise joints `(31, 9)` and root `(3,)`."""
         names = ("joint_mean", "joint_deviation", "root_deviation")
         return {name: getattr(self, name).cpu() for name in names}
 

@@ -251,7 +251,7 @@ def _shown_weights(device: torch.device) -> Tensor:
 
 
 def motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Losses:
-    """Those of stage 2, of normalised y `(B, n)`; the lanes move on by it."""
+    """Losses of stage 2 of normalised y `(B, n)`; the lanes move on by it."""
     result = stage2_loss(data, mixed.target, y) | shown_losses(data.normal, lanes, mixed.target, y)
     with torch.no_grad():
         both = (
@@ -272,7 +272,7 @@ def total_of(result: Losses) -> Tensor:
 def mixture_losses(
     data: MotionData, module: Generator, mixed: MixedBatch, lanes: RolloutLanes
 ) -> tuple[Losses, Tensor]:
-    """Those of a batch by E_d, with their "total", and the embeddings E `(B, n)`; the lanes move on."""
+    """Losses of a batch by E_d, with their "total", and the embeddings E `(B, n)`; the lanes move on."""
     e, alpha = module.embed(mixed.x, mixed.z)
     with full_precision(e.device):
         y = module.mixture_decoder(e.float(), alpha.float())
@@ -297,7 +297,7 @@ def generator_state(
 
 
 def all_but_the_denoiser(module: Generator) -> list[nn.Parameter]:
-    """What stage 2 and the stage ground train."""
+    """The parameters that stage 2 and the stage ground train."""
     return [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
 
 

@@ -133,7 +133,7 @@ class _Encoder:
 
     @staticmethod
     def of(session: Session, config: ModelConfig) -> _Encoder:
-        """As stage 0 left it."""
+        """Load the autoencoder as stage 0 left it."""
         saved = load_checkpoint(session.out / "phase_final.pt")
         module = PeriodicAutoencoder(config).to(session.device)
         module.load_state_dict(saved["module"])

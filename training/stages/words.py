@@ -32,7 +32,7 @@ MAX_WORD_NOISE = 0.1  # at most, of the length of a sentence's embedding
 
 @dataclass
 class Targets:
-    """Of one part: sentences `(U, D)`, their target codes `(U, 128)`, mean and log-variance, and their spread."""
+    """Sentences `(U, D)` of one part, their target codes `(U, 128)`, mean and log-variance, and their spread."""
 
     words: Tensor
     codes: Tensor
@@ -70,7 +70,7 @@ def learn_longer_sentences(
 def targets(
     teacher: PartTextEncoder, config: ModelConfig, texts: StyleTexts, encoder: TextEncoderLike
 ) -> dict[str, list[Targets]]:
-    """Of every part targets of the known, the longer and the other sentences. Codes are those of `teacher`."""
+    """Targets of the known, the longer and the other sentences of every part. Codes are those of `teacher`."""
     found: dict[str, list[Targets]] = {"known": [], "longer": [], "other": []}
     for k, part in enumerate(PART_NAMES):
         words = torch.as_tensor(np.asarray(texts.embeddings[k], np.float32))

@@ -123,7 +123,7 @@ def _subtract(body: BodyMeasures, base: BodyMeasures) -> BodyMeasures:
 
 
 def signs_of(part: str) -> tuple[float, ...]:
-    """Of each measure: -1 where it changes its sign in the mirror image, else 1."""
+    """The sign of each measure in the mirror image: -1 where it changes, else 1."""
     return tuple(-1.0 if row.sided else 1.0 for row in measures_of(part).values())
 
 

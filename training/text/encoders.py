@@ -85,7 +85,7 @@ class ClipTextConfig:
 
     @classmethod
     def read(cls, path: Path) -> ClipTextConfig:
-        """From config.json of a whole CLIP or of its text tower; FileError when it is neither."""
+        """Read config.json of a whole CLIP or of its text tower; FileError when it is neither."""
         try:
             values: dict[str, Any] = json.loads(path.read_text("utf-8"))
             if values["model_type"] not in ("clip", "clip_text_model"):

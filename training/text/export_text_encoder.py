@@ -102,7 +102,7 @@ def write_tokenizer(source: Path, target: Path, max_tokens: int) -> None:
 
 
 def lowest_cosine(network: nn.Module, out: Path) -> float:
-    """Of the encoder in `out` against torch, on `CHECK_TEXTS`."""
+    """The lowest cosine of the encoder in `out` against torch, on `CHECK_TEXTS`."""
     import torch
     from tokenizers import Tokenizer
 

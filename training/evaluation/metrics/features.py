@@ -132,7 +132,7 @@ def encoded(
 
 
 def has_encoder(folder: Path) -> bool:
-    """Whether a model folder holds the motion encoder."""
+    """Return whether a model folder holds the motion encoder."""
     return (folder / "motion.onnx").is_file()
 
 

@@ -63,12 +63,12 @@ def read_points(path: Path) -> Points:
 
 
 def speed(points: Array) -> Array:
-    """Of points `(T, 2)` or `(T, 3)`, m/s `(T,)`."""
+    """Speed `(T,)` in m/s of points `(T, 2)` or `(T, 3)`."""
     return np.asarray(np.linalg.norm(np.gradient(points, axis=0) * FPS, axis=-1))
 
 
 def hips_speed(p: Points) -> Array:
-    """Over the ground, smoothed over 0.1 s."""
+    """Speed of the hips over the ground, smoothed over 0.1 s."""
     return np.asarray(gaussian_filter1d(speed(p["hips"][:, [0, 2]]), HIPS_SIGMA_FRAMES))
 
 
@@ -98,7 +98,7 @@ def joint_pops(p: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def toe_heights(p: Points, resting: NDArray[np.bool_]) -> Array:
-    """Of both toe joints over their own median height in `resting` frames `(T,)`; `(T, 2)`, without columns if unknown."""
+    """Heights of both toe joints `(T, 2)` over their median in `resting` frames `(T,)`; without columns if unknown."""
     if "lt" not in p or not resting.any():
         return np.zeros((len(p["hips"]), 0))
     heights = np.stack([p["lt"][:, 1], p["rt"][:, 1]], -1)
@@ -124,7 +124,7 @@ class Curves:
         self.toes = toe_heights(p, self.hips < STANDING_SPEED_M_PER_S if resting is None else resting)
 
     def start_figures(self, first: int, end: int, steady: float | None = None) -> dict[str, float]:
-        """From rest to a speed, by default that of the last second."""
+        """Measure a start from rest to a `steady` speed, by default that of the last second."""
         if steady is None:
             steady = float(np.median(self.hips[first + max(end - first - FPS, (end - first) // 2) : end]))
         reached = np.flatnonzero(self.hips[first:end] > REACHED_SPEED_FRACTION * steady)
@@ -136,7 +136,7 @@ class Curves:
         } | self._toe_paths(begin)
 
     def stop_figures(self, first: int, end: int, until: int | None = None) -> dict[str, float]:
-        """From a speed, steady `until` a frame, to rest; the last two frames see what comes next."""
+        """Measure a stop from a speed, steady `until` a frame, to rest; the last two frames see what comes next."""
         stopped = np.flatnonzero(self.hips[first:end] < STANDING_SPEED_M_PER_S)
         stop = float(stopped[0]) / FPS if len(stopped) else float("inf")
         busy = np.flatnonzero(self.limbs[first : end - 2] > CALM_LIMBS_M_PER_S)
@@ -257,14 +257,14 @@ def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
 
 
 def raw_start(p: Points) -> dict[str, float]:
-    """Of a take that begins at rest and goes: from the first frame that moves to 90 % of the steady speed."""
+    """Measure a take that begins at rest and goes: from the first frame that moves to 90 % of the steady speed."""
     curves, steady, reached = _going(p)
     begins = np.flatnonzero(curves.hips[: reached[0] + 1] < STANDING_SPEED_M_PER_S)
     return curves.start_figures(int(begins[-1]) if len(begins) else 0, len(curves.hips), steady)
 
 
 def raw_stop(p: Points) -> dict[str, float]:
-    """Of a take that goes and ends at rest: from the last frame at 90 % of the steady speed to the first that stands."""
+    """Measure a take that goes and ends at rest: from the last frame at 90 % of the steady speed to the first that stands."""
     curves, _, reached = _going(p)
     last = int(reached[-1])
     stands = (curves.hips[last:] < STANDING_SPEED_M_PER_S).any()
@@ -279,7 +279,7 @@ def _going(p: Points) -> tuple[Curves, float, NDArray[np.intp]]:
 
 
 def raw_turns(p: Points) -> dict[str, float]:
-    """Of all turns of the hips in a take, one a second at most: the 90th percentile of their fastest moments."""
+    """The 90th percentile of the fastest moments of all turns of the hips in a take, one a second at most."""
     turn = hips_turn(p)
     peaks, _ = find_peaks(turn, height=MIN_TURN_DEG_PER_S, distance=FPS)
     return {"turn": float(np.percentile(turn[peaks], 90))} if len(peaks) else {}
@@ -293,5 +293,5 @@ def raw_pops(p: Points) -> dict[str, float]:
 
 
 def raw_jumps(p: Points) -> dict[str, float]:
-    """The same of a take that is full of jumps."""
+    """Pops of knees and elbows a minute in a take that is full of jumps."""
     return {f"{key}_in_jumps": value for key, value in raw_pops(p).items()}

@@ -106,7 +106,7 @@ def beam_contacts(positions: Array, contacts: Array, beam: Obstacle, ramp_m: flo
 
 
 def falls(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> int:
-    """How often both feet stand, or the only standing one stands, under a beam between its ramps."""
+    """Count how often both feet stand, or the only standing one stands, under a beam between its ramps."""
     soles = _soles(positions)
     stands = (contacts > 0.5) & _between(soles, beam, ramp_m)
     low = soles[..., 1] < beam.top - OFF_BEAM_M

@@ -43,7 +43,7 @@ MAX_SEGMENT_FRAMES = 8 * FPS
 
 @dataclass(frozen=True)
 class ClipInfo:
-    """What the catalogue knows of a clip file."""
+    """The catalogue's entry of a clip file."""
 
     path: Path
     group: str  # its style; the rollouts are a group of their own
@@ -155,7 +155,7 @@ MIN_GAIT_SECONDS = 2.0  # of a captured gait without which a style is not driven
 
 @dataclass(frozen=True)
 class Options:
-    """How much is generated. Seconds are per style; the seed fixes everything that is drawn."""
+    """The amount that is generated. Seconds are per style; the seed fixes everything that is drawn."""
 
     follow_seconds: float = 40.0
     recognise_seconds: float = 16.0  # of paths of held-out clips, repeated with other descriptions and seeds

@@ -39,7 +39,7 @@ Stick = Callable[[Controller, int], Controls]  # what a character is asked for i
 
 
 class Track:
-    """What a character did: its frames as they were shown and before foot lock, and what was requested of it."""
+    """The frames of a character as they were shown and before foot lock, and what was requested of it."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
@@ -144,7 +144,7 @@ def walk_together(members: Sequence[Controller], script: ControlScript, frames: 
 
 @dataclass(frozen=True)
 class Requests:
-    """What a stick requests at every frame of a captured clip, the lead-in first."""
+    """The requests of a stick at every frame of a captured clip, the lead-in first."""
 
     xz: Array  # (N, 2) root path
     velocity: Array  # (N, 2) m/s
@@ -210,7 +210,7 @@ class ReplayTrajectory(Trajectory):
 
     @staticmethod
     def of(clip: Motion, began: Trajectory) -> ReplayTrajectory:
-        """From the clip's first frame on, in the place of the trajectory of a character that has just begun."""
+        """Begin at the clip's first frame, in the place of the trajectory of a character that has just begun."""
         made, path = ReplayTrajectory(**vars(began)), RootPath.of(clip.positions.astype(np.float64))
         made.clip_xz, made.clip_yaw = path.padded_root, path.padded_yaw
         made.clip_gait = repeat_ends(np.eye(features.GAITS)[clip.gait])
@@ -283,7 +283,7 @@ def ring() -> Array:
 
 @dataclass(frozen=True)
 class RingRun:
-    """What came of leading a character along the ring."""
+    """The result of leading a character along the ring."""
 
     motion: Motion
     path_error: Array  # (T,) metres from the root to the nearest point of the course
@@ -301,7 +301,7 @@ def path_error(xz: Array, course: Array) -> Array:
 
 @dataclass(frozen=True)
 class RingWalk:
-    """Who is led along the ring; the seed also chooses where it begins."""
+    """A character that is led along the ring; the seed also chooses where it begins."""
 
     style: str
     code: Array  # Z^t

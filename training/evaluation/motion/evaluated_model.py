@@ -37,7 +37,7 @@ class EvaluatedModel:
 
     @cached_property
     def prompter(self) -> Prompter:
-        """From words to Z^t."""
+        """The model's way from words to Z^t."""
         return Prompter(self.model)
 
     @property

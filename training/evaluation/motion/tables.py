@@ -83,7 +83,7 @@ def _three(values: Sequence[float]) -> str:
 
 
 def mean(values: Sequence[float] | dict[str, float]) -> float:
-    """Of values, or of those of a mapping; NaN where there is none."""
+    """Mean of values, or of those of a mapping; NaN where there is none."""
     listed = list(values.values()) if isinstance(values, dict) else list(values)
     return sum(listed) / len(listed) if listed else float("nan")
 

@@ -26,7 +26,7 @@ DATA = Path(__file__).parent / "data"
 
 @dataclass(frozen=True)
 class Case:
-    """What is requested: `variants` are descriptions that all request `edits`."""
+    """A request: `variants` are descriptions that all request `edits`."""
 
     name: str
     kind: str  # "held out", "pair", "trained", "held-out rhythm", "trained rhythm" or "free words"
@@ -118,7 +118,7 @@ def score(
 
 
 def totals(results: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Of several cases: how many go the right way and far enough, and their median fraction of the described change."""
+    """Fractions of cases that go the right way and far enough, and their median fraction of the described change."""
     means = ("right_way", "enough", "runs_right_way", "runs_enough")
     return {
         "cases": len(results),
@@ -186,7 +186,7 @@ def independence(
 
 
 def by_slot(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Of each slot and of "all": mean changes, their ratio, the edits' own ratio, and how many edits keep the bar.
+    """Mean changes of each slot and of "all", their ratio, the edits' own ratio, and how many edits keep the bar.
 
     Rhythm has a row of its own, which "all" does not count: another step changes what every part does in it.
     """

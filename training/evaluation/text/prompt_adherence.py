@@ -48,7 +48,7 @@ class Found:
     limbs: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> None:
-        """What a walk shows of a sentence by the claims of its clauses."""
+        """Add what a walk shows of a sentence by the claims of its clauses."""
         fractions: list[tuple[float, bool]] = []
         for clause in clauses(as_left_limb(sentence, part)[1] if "_" in part else sentence.lower()):
             fraction = clause_fraction(part, clause, neutral, walked)
@@ -61,7 +61,7 @@ class Found:
             self.sentences[as_left_limb(sentence, part)].append(float(np.mean(shown)))
 
     def add_edit(self, part: str, phrase: str, fraction: float) -> None:
-        """What a walk shows of a phrase of the catalogue."""
+        """Add what a walk shows of a phrase of the catalogue."""
         group, words = as_left_limb(phrase, part)
         self.sentences[group, words].append(fraction)
         self.clauses[group, words].append(fraction)
@@ -114,7 +114,7 @@ def measure_adherence(
 
 
 def edit_fraction(edit: str, example: tuple[Summary, Summary], plain: Summary, walked: Summary) -> float:
-    """How much of what an edit does to the neutral walk (`example`: before, after) a walk does, 0 to 1.
+    """Fraction, 0 to 1, of an edit's change of the neutral walk (`example`: before, after) that a walk shows.
 
     Of a held hand it is the path of the hand to its place.
     """
@@ -134,7 +134,7 @@ def edit_fraction(edit: str, example: tuple[Summary, Summary], plain: Summary, w
 
 
 def hand_place(summary: Summary, part: str) -> np.ndarray:
-    """Where the hand of an arm is, metres: forward of the shoulder, outward of it, and up."""
+    """The place of an arm's hand, metres: forward of the shoulder, outward of it, and up."""
     arm = getattr(summary.body, part)
     place = np.array([getattr(arm, name) for name in _HAND])
     return place * np.array([1.0, 1.0, _LEVEL_M])
@@ -148,7 +148,7 @@ def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]
 
 
 def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
-    """Of every edit: the neutral walk before and after it."""
+    """The neutral walk before and after every edit."""
     before = summarise(motion.hips, motion.local, motion.contacts)
     found = {}
     for name, edit in part_edits().items():

@@ -54,7 +54,7 @@ class TextSide:
 
 
 def recall(similarity: Array, relevant: NDArray[np.bool_], styles: Sequence[str]) -> dict[str, float]:
-    """Of similarities `(Q, G)` and which entries are relevant; `styles` are the queries'. Ties count against.
+    """Score similarities `(Q, G)` by the entries that are `relevant`; `styles` are the queries'. Ties count against.
 
     Fractions of queries whose first relevant entry is first, or among three, each with what chance would give; `r1_by_style`
     is the mean over the queries' styles, which have unlike numbers of queries.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cached_property
 from itertools import chain
@@ -26,6 +26,7 @@ LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose
 WALK_S = 6.0
 LOGGED = 64  # walks between two lines of the log
 Key = tuple[bytes, int]  # of a walk: its Z^t, and its seed
+Job = tuple[Path, Sequence[Key], float]  # folder of a model, walks, and their seconds
 
 
 class Walker:
@@ -39,29 +40,29 @@ class Walker:
     def _model(self) -> MotionModel:
         return _loaded(self.folder)
 
-    def make(self, codes: Iterable[Array], seeds: Sequence[int] | None = None) -> list[Summary]:
+    def make(self, codes: Iterable[Array], seeds: Sequence[int] = ()) -> list[Summary]:
         """Summaries of walks in each Z^t `(6, 64)`, in their order; seeds are 0 where none are given."""
         texts = [np.ascontiguousarray(code, np.float32).tobytes() for code in codes]
-        keys = list(zip(texts, [0] * len(texts) if seeds is None else seeds, strict=True))
+        keys = list(zip(texts, seeds or [0] * len(texts), strict=True))
         new = [key for key in dict.fromkeys(keys) if key not in self._made]
         size = min(TOGETHER, -(-len(new) // self.workers)) or 1
         jobs = [(self.folder, new[k : k + size], self.seconds) for k in range(0, len(new), size)]
+        for number, (key, summary) in enumerate(zip(new, self._walked(jobs), strict=True), 1):
+            self._made[key] = summary
+            if number % LOGGED == 0:
+                log.info("walked %d of %d", number, len(new))
+        return [self._made[key] for key in keys]
+
+    def _walked(self, jobs: Sequence[Job]) -> Iterator[Summary]:
         if len(jobs) > 1 and self.workers > 1:
             # spawned, not forked: a running onnxruntime does not survive a fork
             with ProcessPoolExecutor(self.workers, mp_context=get_context("spawn")) as pool:
-                self._keep(new, pool.map(_make, jobs))
+                yield from chain.from_iterable(pool.map(_make, jobs))
         else:
-            self._keep(new, (_walks(self._model, *job[1:]) for job in jobs))
-        return [self._made[key] for key in keys]
-
-    def _keep(self, keys: Sequence[Key], made: Iterable[list[Summary]]) -> None:
-        for number, (key, summary) in enumerate(zip(keys, chain.from_iterable(made), strict=True), 1):
-            self._made[key] = summary
-            if number % LOGGED == 0:
-                log.info("walked %d of %d", number, len(keys))
+            yield from chain.from_iterable(_walks(self._model, *job[1:]) for job in jobs)
 
 
-def _make(job: tuple[Path, Sequence[Key], float]) -> list[Summary]:
+def _make(job: Job) -> list[Summary]:
     return _walks(_loaded(job[0]), *job[1:])
 
 

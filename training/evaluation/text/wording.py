@@ -44,7 +44,7 @@ Likeness = Callable[[Sequence[str]], Array]
 
 
 def walk_all(walker: Walker, prompter: Prompter, keys: Sequence[Key]) -> dict[Key, BodyMeasures]:
-    """What bodies do under each sentence, and under `NEUTRAL`."""
+    """Measure walks under each sentence, and under `NEUTRAL`."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
     said = [plain, *(_said(plain, *key) for key in keys)]
     made = walker.make(map(prompter, said))

@@ -17,6 +17,7 @@ from runtime.motion.control_scripts import LOOK_AHEAD_M, ControlScript, PlanarPo
 from runtime.motion.controller import TEMPERATURE, Controller, Crowd
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
+from runtime.motion.style import StyleMix
 from runtime.motion.trajectory import LENGTH, MAX_RESPONSE, PRESENT, Plan, Trajectory
 from runtime.pose import Pose
 from runtime.records import copied
@@ -91,7 +92,11 @@ class Track:
 
 
 def characters(
-    model: MotionModel, ground: Terrain, codes: Sequence[Array], seeds: Sequence[int] = (), **settings: float
+    model: MotionModel,
+    ground: Terrain,
+    codes: Sequence[Array | StyleMix],
+    seeds: Sequence[int] = (),
+    **settings: float,
 ) -> list[Controller]:
     """Characters at the start, each in a style Z^t `(6, 64)`; seeds are 0 where none are given."""
     members = [Controller(model, ground, seed, **settings) for seed in seeds or [0] * len(codes)]
@@ -179,7 +184,8 @@ def follow(
     # a captured velocity has a body's momentum already
     settings = {"temperature": temperature, "response": MAX_RESPONSE}
     (controller,) = characters(model, clip.terrain, [z], [seed], **settings)
-    controller.reset(*map(float, requests.xz[0]), float(requests.yaw[0]))
+    start = requests.xz[0]
+    controller.reset(float(start[0]), float(start[1]), float(requests.yaw[0]))
     (track,) = walked([controller], partial(_stick, requests), len(requests.xz))
     return track.motion(clip.name, clip.style, clip.gait, LEAD_IN_FRAMES)
 
@@ -321,7 +327,8 @@ def run_ring(
     members = characters(model, terrain, [walk.code for walk in walks], [walk.seed for walk in walks])
     for member, place in zip(members, places, strict=True):
         heading = course[(place + 5) % POINTS] - course[place]
-        member.reset(*map(float, course[place]), float(np.arctan2(*heading)))
+        x, z = map(float, course[place])
+        member.reset(x, z, float(np.arctan2(*heading)))
     sticks = [_along(course, place, walk.gait) for place, walk in zip(places, walks, strict=True)]
     tracks = walked(members, sticks, LEAD_IN_FRAMES + round(seconds * FPS))
     made = []

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.timing import cpu_name, times_ms
+from benchmarks.timing import clock_and_processor_ms, cpu_name, times_ms
 from runtime.arrays import Float32Array
 from runtime.assets import PROJECT_ROOT
 from runtime.atomic import temporary_folder
@@ -174,9 +174,8 @@ def _times(session: Any, feed: Feed) -> list[tuple[float, float]]:
     times: list[tuple[float, float]] = []
     end = time.perf_counter() + ROUND_S
     while len(times) < MIN_FRAMES or (time.perf_counter() < end and len(times) < MAX_FRAMES):
-        used = time.process_time()
-        ms = times_ms(lambda: session.run(None, feed), 1)[0]
-        times.append((ms, 1e3 * (time.process_time() - used)))
+        (ms,), (used,) = clock_and_processor_ms(lambda: session.run(None, feed), 1)
+        times.append((ms, used))
     return times
 
 

@@ -18,6 +18,12 @@ from training.frames import FIRST_OF_UPPER, FrameTable
 from training.gpu import constant, rows_of
 
 
+def window_around(rows: Tensor, offsets: Tensor, first: Tensor, last: Tensor) -> Tensor:
+    """Frames `(B, n)` at `offsets` `(n,)` from `rows` `(B,)`; beyond a clip, `first` to `last` `(N,)`, its end is repeated."""
+    index = rows[:, None] + offsets
+    return torch.minimum(torch.maximum(index, first[rows, None]), last[rows, None])
+
+
 @dataclass
 class FrameTensors:
     """The frame table as tensors. `phase` `(N, 5, 2)` comes from the periodic autoencoder."""
@@ -56,8 +62,7 @@ class FrameTensors:
         )
 
     def _window(self, rows: Tensor, offsets: np.ndarray) -> Tensor:
-        index = rows[:, None] + constant(offsets, rows.device)
-        index = torch.minimum(torch.maximum(index, self.first[rows, None]), self.last[rows, None])
+        index = window_around(rows, constant(offsets, rows.device), self.first, self.last)
         return self.phase[index].flatten(1)
 
     def inputs(self, rows: Tensor, patch: Tensor) -> Tensor:

@@ -18,7 +18,7 @@ from torch import Tensor
 from runtime.arrays import Array
 from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OUTPUT, TRAJECTORY_OFFSETS, L
-from training.batches import FrameTensors, RandomRows
+from training.batches import FrameTensors, RandomRows, window_around
 from training.composition import CompositionPlan
 from training.gpu import constant, rows_of
 from training.kinematics import TURNS, shown_joints, turned_back, turns
@@ -88,10 +88,8 @@ class RolloutLanes:
         foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE_FRACTION
         order = torch.arange(len(rows), device=rows.device)
         order = torch.where(foreign, torch.rand(len(rows), device=rows.device).argsort(), order)
-        index = rows[:, None] - 1 + torch.arange(-PRESENT, PRESENT + 1, device=rows.device)
-        index = torch.minimum(
-            torch.maximum(index, self.frames.first[rows, None]), self.frames.last[rows, None]
-        )
+        offsets = torch.arange(-PRESENT - 1, PRESENT, device=rows.device)
+        index = window_around(rows, offsets, self.frames.first, self.frames.last)
         for own, new in (
             (self.rows, rows),
             (self.patch, patch),

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn.functional import mse_loss
 
 from runtime.motion.features import C
-from training.batches import RandomRows
+from training.batches import RandomRows, window_around
 from training.frames import FrameTable
 from training.gpu import Losses
 from training.networks.phase import WINDOW, PeriodicAutoencoder
@@ -34,13 +34,6 @@ STRIDE = 3  # frames between two that are encoded
 KNOWN_FRAMES = 6000  # of the capture, which give the scale of its phases
 
 
-def _windows(velocities: Tensor, rows: Tensor, first: Tensor, last: Tensor) -> Tensor:
-    """`(B, 121, 31, 3)` around rows; frames beyond the clip repeat its end."""
-    index = rows[:, None] + torch.arange(-HALF, HALF + 1, device=rows.device)
-    index = torch.minimum(torch.maximum(index, first[rows, None]), last[rows, None])
-    return velocities[index].float()
-
-
 class _Windows:
     """Endless windows `(batch, 121, 31, 3)` of velocities, divided by their `scale`."""
 
@@ -56,7 +49,11 @@ class _Windows:
         return self
 
     def __next__(self) -> Tensor:
-        return _windows(self._velocities, next(self._rows), self._first, self._last) / self.scale
+        rows = next(self._rows)
+        index = window_around(
+            rows, torch.arange(-HALF, HALF + 1, device=rows.device), self._first, self._last
+        )
+        return self._velocities[index].float() / self.scale
 
     def state_dict(self) -> dict[str, Tensor]:
         return self._rows.state_dict()

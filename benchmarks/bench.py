@@ -300,8 +300,8 @@ def _start_times(model: Path | None) -> dict[str, float | None]:
         for _ in range(2):
             begin = str(time.monotonic())
             shown = _run([sys.executable, "-c", _START, begin, *named], compiled)
-    first, moves, quits = map(float, shown.split()[-3:])
         memory = peak_memory_mb([*command, *(["--model", *named] if named else [])], compiled)
+    first, moves, quits = map(float, shown.split()[-3:])
     return {"first_frame_s": first, "moves_s": moves, "quit_s": quits, "rss_mb": memory}
 
 

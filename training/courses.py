@@ -18,7 +18,6 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from runtime import rotations
 from runtime.arrays import Array, Float32Array
@@ -167,6 +166,8 @@ def smoothed(hips: Array, local: Array, positions: Array) -> tuple[Array, Array]
 
     A leg that a key or a lock takes over, or that comes to its full length, may change its speed within a frame.
     """
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
     thrown = np.zeros(len(hips))
     thrown[1:-1] = np.linalg.norm(np.diff(positions.astype(np.float64), 2, axis=0), axis=-1).max(1)
     far = (thrown * FPS * FPS > MIN_THROWN_M_PER_S2).astype(np.float64)

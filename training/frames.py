@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from runtime import rotations
 from runtime.arrays import Array
@@ -53,6 +52,8 @@ class ClipFrames:
 
 def smooth(values: Array, sigma: float) -> Array:
     """Gaussian smoothing along axis 0 with repeated edges."""
+    from scipy.ndimage import gaussian_filter1d
+
     return gaussian_filter1d(
         np.asarray(values, np.float64), sigma, axis=0, mode="nearest", radius=int(3 * sigma)
     )

@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from runtime import rotations
 from runtime.arrays import Array
@@ -57,6 +56,8 @@ def _is_tpose(positions: Array) -> NDArray[np.bool_]:
 
 def spikes(hips: Array, local: Array, positions: Array, tier: str) -> NDArray[np.bool_]:
     """Frames `(T,)` whose root or joints move as no body can; `positions` `(T, 31, 3)` are those of the joints."""
+    from scipy.ndimage import binary_dilation
+
     bad = speed(hips) > MAX_ROOT_SPEED
     jerked = (
         np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1).max(axis=1) * FPS**2 > MAX_JOINT_ACCELERATION

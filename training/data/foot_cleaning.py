@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from runtime import rotations
 from runtime.arrays import Array
@@ -127,6 +126,8 @@ def _raise_heel(
     hip: Array, ankle: Array, foot: Array, length: Array, contact: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     """Ankle `(T, 3)` and foot `(T, 4)` of a leg of `length` `(T,)` where the toe alone carries."""
+    from scipy.ndimage import gaussian_filter1d
+
     alone = gaussian_filter1d((contact[:, 1] & ~contact[:, 0]).astype(np.float64), 2.0)
     toe = ankle + rotations.rotate(foot, FOOT_OFFSET)
     foot = pitched(foot, alone * heel_rise(hip, toe, foot, length))
@@ -137,6 +138,8 @@ def _clean_foot(
     ankle: Array, toe: Array, foot: Array, contact: NDArray[np.bool_], ground: GroundHeight
 ) -> tuple[Array, Array]:
     """Targets of one ankle `(T, 3)` and rotations of that foot `(T, 4)`; `contact` `(T, 2)` is heel, toe."""
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
     planted = np.any(contact, axis=1)
     slide = _slide_correction(ankle, toe, contact)
     ankle, toe = ankle + slide, toe + slide
@@ -177,6 +180,8 @@ def _slide_correction(ankle: Array, toe: Array, contact: NDArray[np.bool_]) -> A
 
 def _sink_to_reach(hips: Array, thighs: Array, ankles: Array, lengths: Array) -> Array:
     """Hips lowered smoothly where a leg would have to become longer than it was (`lengths` `(T, 2)`), nearly straight."""
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
     gap = ankles - thighs
     across = np.linalg.norm(gap[..., [0, 2]], axis=-1)
     reach = np.clip(lengths, _STRAIGHT * LEG_LENGTH, MAX_REACH * LEG_LENGTH)

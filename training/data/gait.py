@@ -13,7 +13,6 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from runtime.arrays import Array
 from runtime.atomic import temporary_folder
@@ -216,6 +215,8 @@ def _straight_strides(
     p: dict[str, Array], heading: Array, turn: Array, m: NDArray[np.bool_], fps: float
 ) -> list[tuple[int, int]]:
     """First and last frame of every stride, from the left foot farthest ahead to the next time, that walks straight on."""
+    from scipy.ndimage import maximum_filter1d
+
     ahead, near = _dot(p["la"] - p["hips"], heading), int(STRIKES_APART * fps)
     farthest = maximum_filter1d(ahead, 2 * near + 1)
     strikes = np.flatnonzero((ahead == farthest) & (ahead > LEAST_STRIDE_M))

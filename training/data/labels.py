@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, binary_opening, median_filter, minimum_filter1d, uniform_filter1d
 
 from runtime.arrays import Array
 from runtime.controls import Gait
@@ -24,6 +23,8 @@ CROUCH_HEIGHT = 0.72  # m of the hips over the ground; upright is 1.0
 
 def smooth(x: Array, seconds: float) -> Array:
     """Box average over time (axis 0) of about `seconds`, edges repeated."""
+    from scipy.ndimage import uniform_filter1d
+
     return uniform_filter1d(np.asarray(x, np.float64), max(1, round(seconds * FPS)), axis=0, mode="nearest")
 
 
@@ -39,6 +40,8 @@ def foot_contacts(positions: Array, ground: Array, slack: float = 1.0) -> NDArra
 
 def contacts_without_ground(positions: Array) -> NDArray[np.uint8]:
     """Contacts `(T, 4)` on unknown ground: slow, and near the lowest point that the joint passes within half a second."""
+    from scipy.ndimage import minimum_filter1d
+
     feet = np.asarray(positions[:, FOOT_JOINTS], np.float64)
     lowest = minimum_filter1d(feet[..., 1], round(0.5 * FPS), axis=0)
     return _hysteresis(positions, feet, feet[..., 1] < lowest + 0.02, feet[..., 1] < lowest + 0.03, 1.0)
@@ -47,6 +50,8 @@ def contacts_without_ground(positions: Array) -> NDArray[np.uint8]:
 def _hysteresis(
     positions: Array, feet: Array, near: NDArray[np.bool_], close: NDArray[np.bool_], slack: float
 ) -> NDArray[np.uint8]:
+    from scipy.ndimage import median_filter
+
     pace = speed(feet)
     allowance = _PACE_SHARE * np.maximum(speed(smooth(positions[:, 0], 0.35)) - 1.0, 0.0)[:, None]
     on = (pace < slack * _SPEED_ON + allowance) & near
@@ -78,12 +83,16 @@ def label_gait(hips: Array, contacts: Array | NDArray[np.uint8], ground: Array, 
 
 def _airborne(hips: Array, contacts: Array | NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Frames from the crouch before a take-off to the recovery after the landing."""
+    from scipy.ndimage import binary_dilation, binary_opening
+
     air = binary_opening(contacts.sum(1) == 0, iterations=4)
     return binary_dilation(air, iterations=round(0.35 * FPS))
 
 
 def soften(gait: Array) -> Array:
     """Gait weights `(T, 6)` blended over 0.2 s at changes, short flickers removed, rows summing to one."""
+    from scipy.ndimage import median_filter
+
     hard = np.eye(gait.shape[1])[median_filter(np.argmax(gait, axis=1), size=21, mode="nearest")]
     soft = smooth(hard, 0.2)
     return (soft / soft.sum(1, keepdims=True)).astype(np.float32)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, gaussian_filter, gaussian_filter1d
 
 from runtime.arrays import Array
 from runtime.easing import smoothstep
@@ -26,6 +25,8 @@ def smooth_noise(
     shape: tuple[int, int], cell: float, wavelength: float, generator: np.random.Generator
 ) -> Array:
     """Smooth random heights of unit deviation with features of about `wavelength` metres."""
+    from scipy.ndimage import gaussian_filter
+
     pad = int(np.ceil(wavelength / cell))
     noise = generator.standard_normal((shape[0] + 2 * pad, shape[1] + 2 * pad))
     field = gaussian_filter(noise, 0.25 * wavelength / cell)[pad : pad + shape[0], pad : pad + shape[1]]
@@ -54,6 +55,8 @@ def fit_around_steps(
 
 def ground_from_contacts(positions: Array, contacts: NDArray[np.uint8]) -> Patches:
     """Ground measured by the feet: the height of the nearest contact, slightly smoothed."""
+    from scipy.ndimage import gaussian_filter
+
     origin, shape = grid_under(positions, FLAT_MARGIN_M, _RELIEF_CELL_M)
     _, (frame, joint) = _nearest_step(positions, contacts, origin, shape, _RELIEF_CELL_M)
     rest = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT])
@@ -115,6 +118,8 @@ def _level_under_feet(
 
 def root_lift(positions: Array, contacts: NDArray[np.uint8], patches: Patches) -> Array:
     """Height `(T,)` by which the body rises on the new ground: the mean of its footholds, smoothed over time."""
+    from scipy.ndimage import gaussian_filter1d
+
     terrain = patches.terrain()
     feet = positions[:, FOOT_JOINTS]
     under = terrain.height(feet[..., 0], feet[..., 2]).astype(np.float64)
@@ -139,6 +144,8 @@ def _nearest_step(
 
     Points between heel and toe count as well, so that the whole sole is covered.
     """
+    from scipy.ndimage import distance_transform_edt
+
     frame, joint = np.nonzero(contacts)
     if not len(frame):
         frame, joint = np.arange(len(positions)), np.zeros(len(positions), np.int64)

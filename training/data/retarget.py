@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from runtime import rotations
 from runtime.arrays import Array
@@ -176,6 +174,8 @@ def resample_rotations(q: Array, times: Array) -> Array:
 
 def resample_positions(p: Array, times: Array) -> Array:
     """Positions `(T, ..., 3)` at fractional frames by cubic splines."""
+    from scipy.interpolate import CubicSpline
+
     if len(times) == len(p) or len(p) < 4:
         return p[np.clip(np.round(times).astype(np.int64), 0, len(p) - 1)]
     return CubicSpline(np.arange(len(p)), p, axis=0)(times)
@@ -349,6 +349,8 @@ def _ankle_targets(source: SourceMotion, feet: FootCalibration, foot: Array) -> 
 
 def _toes_carry(height: Array) -> Array:
     """One where toes `(T, 2)` are as low as they get nearby, zero where they swing."""
+    from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+
     raised = height - minimum_filter1d(height, 2 * round(TOE_REACH_SECONDS * FPS) + 1, axis=0)
     return gaussian_filter1d(smoothstep((TOE_UP - raised) / (TOE_UP - TOE_DOWN)), 1.5, axis=0)
 

@@ -80,7 +80,7 @@ class LivePose(NamedTuple):
 
 
 def decode(data):
-    """A `LiveSkeleton` or `LivePose` from a datagram; MessageError says what is wrong with it."""
+    """Return a `LiveSkeleton` or `LivePose` from a datagram; MessageError says what is wrong with it."""
     if len(data) < HEADER.size or data[:4] != b"SPRT":
         raise MessageError("not a message of the SPORT viewer")
     _, version, kind, joints, sequence, skeleton = HEADER.unpack_from(data)
@@ -178,12 +178,8 @@ class Receiver:
         return True
 
     def _fits(self, pose):
-        skeleton = self.skeleton
-        return (
-            skeleton is not None
-            and skeleton.number == pose.skeleton
-            and len(skeleton.names) == len(pose.rotations)
-        )
+        known = self.skeleton
+        return known and (known.number, len(known.names)) == (pose.skeleton, len(pose.rotations))
 
     @property
     def lost_share(self):
@@ -196,7 +192,7 @@ class Receiver:
 
 
 def parse_address(text):
-    """Host and port of "127.0.0.1:9763", "[::1]:9763", "9763" or ""; ValueError."""
+    """Return host and port of "127.0.0.1:9763", "[::1]:9763", "9763" or ""; ValueError."""
     host, colon, port = text.rpartition(":")
     if not colon and not text.isdigit():
         host, port = text, str(DEFAULT_ADDRESS[1])
@@ -218,7 +214,7 @@ class NotATakeError(ValueError):
 
 
 class TakeFacts(NamedTuple):
-    """What a take's files tell: rate, frames, markers `(name, frame)`, metres per unit, ground, whether it moves."""
+    """The facts in a take's files: rate, frames, markers `(name, frame)`, metres per unit, ground, whether it moves."""
 
     fps: float
     frames: int
@@ -229,7 +225,7 @@ class TakeFacts(NamedTuple):
 
 
 def read_take(path):
-    """The facts of a BVH with its JSON, or of a GLB with its `extras`; ValueError says what is missing or damaged."""
+    """Read the facts of a BVH with its JSON, or of a GLB with its `extras`; ValueError says what is wrong."""
     path = Path(path)
     try:
         facts = _read_glb(path) if path.suffix.lower() == ".glb" else _read_bvh(path)
@@ -283,7 +279,7 @@ def _title(event):
 
 
 def glb_json(path):
-    """The JSON chunk of a GLB; ValueError."""
+    """Return the JSON chunk of a GLB; ValueError."""
     with open(path, "rb") as file:
         magic, _, _, length, kind = struct.unpack("<4sIIII", file.read(20).ljust(20, b"\0"))
         if magic != b"glTF" or kind != 0x4E4F534A:
@@ -304,7 +300,7 @@ def _read_glb(path):
 
 
 def find_ground(path, terrain=""):
-    """The OBJ or GLB of the ground next to a take: NAME-ground, NAME_ground, ground, or the ground's own name."""
+    """Find the OBJ or GLB of the ground next to a take: NAME-ground, NAME_ground, ground, or the ground's own name."""
     path = Path(path)
     stems = [f"{path.stem}-ground", f"{path.stem}_ground", "ground", Path(terrain).stem]
     for stem in filter(None, stems):
@@ -319,7 +315,7 @@ def find_ground(path, terrain=""):
 
 
 def to_blender(vector):
-    """A point of the viewer (Y up, +Z forward) in Blender's axes (Z up, -Y forward)."""
+    """Return a point of the viewer (Y up, +Z forward) in Blender's axes (Z up, -Y forward)."""
     x, y, z = vector
     return Vector((x, -z, y))
 
@@ -410,7 +406,7 @@ def _retime(action, scale, first_frame):
 
 
 def rest_heads(skeleton):
-    """Where the announced joints are in their rest pose, the uppermost one at the origin."""
+    """Return the places of the announced joints in their rest pose, the uppermost one at the origin."""
     heads = []
     for joint, parent in enumerate(skeleton.parents):
         heads.append(heads[parent] + to_blender(skeleton.offsets[joint]) if parent >= 0 else Vector())
@@ -418,7 +414,7 @@ def rest_heads(skeleton):
 
 
 def build_armature(context, skeleton, name="SPORT live"):
-    """An armature with the announced joints in their rest pose."""
+    """Return an armature with the announced joints in their rest pose."""
     data = bpy.data.armatures.new(name)
     thing = bpy.data.objects.new(name, data)
     context.scene.collection.objects.link(thing)
@@ -470,7 +466,7 @@ ANKLE_M = 0.066  # of a standing foot of the viewer's skeleton
 
 
 def guess_joints(names):
-    """Names of a rig's bones by the viewer's joints, in the convention that recognises most of them; {} for none."""
+    """Guess a rig's bones by the viewer's joints, in the convention that recognises most of them; {} for none."""
     starts = [name[: cut.end()] for name in names for cut in re.finditer(r"[-_:|. ]", name)]
     prefix = max((p for p in set(starts) if starts.count(p) > 0.6 * len(names)), key=len, default="")
     best = {}
@@ -482,7 +478,7 @@ def guess_joints(names):
 
 
 def check_joints(name, found):
-    """ValueError says which bones a rig lacks."""
+    """Check that a rig has all bones that are needed; ValueError names those that it lacks."""
     missing = [joint for joint in NEEDED if joint not in found]
     if missing:
         raise ValueError(f"{name}: no bone found for {', '.join(missing)}; rename them as in Mixamo")
@@ -515,16 +511,16 @@ class Retarget:
         self.skeleton, bones = skeleton, armature.pose.bones
         self.joint = {name: skeleton.names.index(name) for name in found if name in skeleton.names}
         self.bone = {found[name]: name for name in self.joint}
-        rest, heads = {bone.name: bone.bone.matrix_local for bone in bones}, rest_heads(skeleton)
-        self.facing = _axes({name: rest[found[name]].to_translation() for name in self.joint})
-        place = {name: self.facing @ rest[found[name]].to_translation() for name in self.joint}
+        self.order = [(bone, _rest(bone), _rest(bone.parent)) for bone in bones]
+        place = {name: _rest(bones[found[name]]).to_translation() for name in self.joint}
+        self.facing, heads = _axes(place), rest_heads(skeleton)
+        place = {name: self.facing @ head for name, head in place.items()}
         self.ours = {name: heads[joint] for name, joint in self.joint.items()}
         self.scale = _leg(place) / _leg(self.ours)
         self.turns = {name: self._turn(name, place) for name in self.joint}
         self.hips = place["Hips"] - 0.5 * (place["LeftUpLeg"] + place["RightUpLeg"])
         ankle = min(place["LeftFoot"].z, place["RightFoot"].z)
         self.lift = ankle - ANKLE_M * self.scale if abs(ankle) < 0.3 * _leg(place) else 0.0
-        self.order = [(bone, rest[bone.name], bone.parent and rest[bone.parent.name]) for bone in bones]
 
     def _turn(self, name, place):
         """What turns a bone of the rig from its rest direction onto that of the viewer's skeleton."""
@@ -542,7 +538,7 @@ class Retarget:
         return theirs.rotation_difference(wanted) if theirs.length and wanted.length else Quaternion()
 
     def channels(self, pose):
-        """Pose bones with rotation, and location at the hips."""
+        """Return pose bones with rotation, and location at the hips."""
         turns, at = [], []
         for joint, parent in enumerate(self.skeleton.parents):
             w, x, y, z = pose.rotations[joint]
@@ -574,6 +570,11 @@ class Retarget:
             posed[bone.name] = wanted
             basis = held.inverted() @ wanted
             yield bone, basis.to_quaternion(), basis.to_translation() if name == "Hips" else None
+
+
+def _rest(bone):
+    """The rest matrix of a pose bone, None without one."""
+    return bone and bone.bone.matrix_local
 
 
 def _leg(place):
@@ -818,7 +819,7 @@ def _menu(menu, _context):
 
 
 def register():
-    """Called by Blender when the add-on is switched on."""
+    """Add the menus and the panel; Blender calls it when the add-on is switched on."""
     for each in CLASSES:
         bpy.utils.register_class(each)
     scene, props = bpy.types.Scene, bpy.props
@@ -837,7 +838,7 @@ def register():
 
 
 def unregister():
-    """Called by Blender when the add-on is switched off."""
+    """Remove all that `register` has added; Blender calls it when the add-on is switched off."""
     _stop()
     bpy.types.TOPBAR_MT_file_import.remove(_menu)
     del bpy.types.Scene.sport_address, bpy.types.Scene.sport_armature

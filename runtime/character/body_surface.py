@@ -23,6 +23,7 @@ CAP_M = 0.04  # the ends of a trunk's table are rounded over this height
 HEAD_UP_M = 0.06
 SAMPLES = 60_000  # points on the mesh
 MIN_FILLED_FRACTION = 0.4  # of a table's entries; a body of loose pieces has no surface
+MIN_SAMPLES = 50  # of a part that has a table
 HAND_POINTS = 14  # that stand for a hand
 
 
@@ -61,14 +62,14 @@ class BodySurface:
         )
 
     def outward(self, points: AnyArray) -> AnyArray:
-        """Unit directions `(..., tables, 3)` from axes or centres to points in the joints' rest frames."""
+        """Return unit directions `(..., tables, 3)` from axes or centres to points in the joints' rest frames."""
         away = points - self.origins
         # a hand that goes through the middle of a head comes out at its top
         away[..., 1] = np.where(self.round, away[..., 1] + HEAD_UP_M, 0.0)
         return rotations.normalize(away)
 
     def depth(self, points: AnyArray) -> AnyArray:
-        """How far `(..., tables, n)` points `(..., tables, n, 3)` in the joints' rest frames are below the surface, else 0."""
+        """Return the depths `(..., tables, n)` of points `(..., tables, n, 3)`, in rest frames, below the surface; 0 above it."""
         away = points - self.origins[:, None]
         x, height, z = away[..., 0], away[..., 1], away[..., 2]
         ball, rows = self.round[:, None], self.rows[:, None]
@@ -94,7 +95,7 @@ class BodySurface:
 
 
 def fit_surface(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> BodySurface | None:
-    """The surface of a character from its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose.
+    """Fit the surface of a character to its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose.
 
     None where the mesh is not one: no hands, or holes all over.
     """
@@ -107,12 +108,8 @@ def fit_surface(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> BodySurf
     points, of = _samples(mesh, rest, owner)
     if not hands or not len(points):
         return None
-    found = []
-    for name in (*TRUNK, HEAD):
-        if name in joints and (of == name).sum() > 50:
-            table = _table(points, of, name, joints[name], pivots)
-            if table is not None:
-                found.append(table)
+    tables = [_table(points, of, name, joints[name], pivots) for name in (*TRUNK, HEAD) if name in joints]
+    found = [table for table in tables if table is not None]
     return BodySurface(found, hands) if found else None
 
 
@@ -154,6 +151,8 @@ def _samples(mesh: SkinnedMesh, rest: AnyArray, owner: AnyArray) -> tuple[AnyArr
 
 def _table(points: AnyArray, of: AnyArray, name: str, joint: int, pivots: AnyArray) -> Table | None:
     own = points[of == name]
+    if len(own) <= MIN_SAMPLES:
+        return None
     low, high = own.min(axis=0), own.max(axis=0)
     origin = 0.5 * (low + high)
     if name != HEAD:

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import AnyArray
-from runtime.character.bodies import Nodes, open_character
+from runtime.character.bodies import open_character
 from runtime.character.body_surface import BodySurface, fit_surface
 from runtime.character.guess import JointGuess, guess_skeleton, require
 from runtime.character.hand_contact import clear_hands
 from runtime.character.joint_map import read_joint_map, saved_joint_map
 from runtime.character.joints import Alignment, align
 from runtime.character.mesh import MeshData, read_meshes
+from runtime.character.nodes import Nodes
 from runtime.character.planted_feet import Soles, find_soles, plant_feet
 from runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile
 from runtime.character.rest_pose import bind_worlds
@@ -41,7 +42,7 @@ class Character(SkinnedMesh):
     note: str = ""
 
     def skin_matrices(self, pose: Pose) -> AnyArray:
-        """Skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`.
+        """Return skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`.
 
         It stands on its own feet (`adapted`).
         """
@@ -51,7 +52,7 @@ class Character(SkinnedMesh):
     def adapted(
         self, positions: AnyArray, world_rotations: AnyArray, contacts: AnyArray
     ) -> tuple[AnyArray, AnyArray]:
-        """A SPORT pose, or the frames of a motion `(T, ...)`, as this body shows it: feet planted, hands on its own surface."""
+        """Adapt a SPORT pose, or the frames of a motion `(T, ...)`, to this body: feet planted, hands on its own surface."""
         if not self.alignment.native:
             positions, world_rotations = plant_feet(self, self.soles, positions, world_rotations, contacts)
         return clear_hands(self, self.body, positions, world_rotations, positions.ndim > 2)
@@ -59,18 +60,16 @@ class Character(SkinnedMesh):
     @cached_property
     def soles(self) -> Soles:
         """The feet, as they differ from ours."""
-        vertices, pivots = self.rest
-        return find_soles(self, vertices, np.asarray(pivots, np.float64))
+        return find_soles(self, *self.rest)
 
     @cached_property
     def body(self) -> BodySurface | None:
         """The surface that hands end at, None where the mesh has none."""
-        vertices, pivots = self.rest
-        return fit_surface(self, vertices, np.asarray(pivots, np.float64))
+        return fit_surface(self, *self.rest)
 
     @cached_property
     def height(self) -> float:
-        """Metres from the lowest to the highest vertex in our rest pose."""
+        """Height (metres) of the mesh in our rest pose."""
         return float(np.ptp(self.rest[0][:, 1]))
 
 
@@ -89,7 +88,7 @@ def load_character(
 
 
 def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> JointGuess:
-    """What the joints of a character file play, also where some are missing; FileError as `load_character`."""
+    """Guess what the joints of a character file play, also where some are missing; FileError as `load_character`."""
     with _reading(path) as (file, _):
         return _guessed(file, joint_map)[0]
 
@@ -106,7 +105,7 @@ def _reading(path: str | Path) -> Iterator[tuple[GltfFile, str]]:
 
 def _guessed(file: GltfFile, joint_map: Mapping[str, str] | Path | None) -> tuple[JointGuess, MeshData]:
     data = read_meshes(file)
-    data = replace(data, rest_world=bind_worlds(Nodes.of(file), data.joint_nodes))
+    data = replace(data, rest_world=bind_worlds(Nodes(file), data.joint_nodes))
     if joint_map is None:
         joint_map = saved_joint_map(file.path)
     elif isinstance(joint_map, Path):
@@ -133,21 +132,28 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | Non
         alignment=alignment,
         size=size,
     )
-    for holder in (character, alignment):  # scales of zero make numbers that nothing can be drawn with
-        for name, value in vars(holder).items():
-            values = np.asarray(value)
-            if values.dtype.kind == "f" and not np.all(np.abs(values) < MAX_VALUE):
-                raise file.error(f"the {name.replace('_', ' ')} of its skeleton are not finite.")
-    metres = alignment.units * NAMED_UNITS[unit or "m"]
-    if alignment.native or ((unit is not None or file_unit(vertices) == 1.0) and np.isclose(size, metres)):
-        return character
+    for name, value in (vars(character) | vars(alignment)).items():  # a scale of zero cannot be drawn
+        values = np.asarray(value)
+        if values.dtype.kind == "f" and not np.all(np.abs(values) < MAX_VALUE):
+            raise file.error(f"the {name.replace('_', ' ')} of its skeleton are not finite.")
+    return replace(character, note=_size_note(file, character, vertices, unit))
+
+
+def _size_note(file: GltfFile, character: Character, vertices: AnyArray, unit: str | None) -> str:
+    """A sentence about the height of a body whose unit was guessed; "" where it is as the file says."""
+    alignment = character.alignment
+    metres, sure = alignment.units * NAMED_UNITS[unit or "m"], unit is not None or file_unit(vertices) == 1.0
+    if alignment.native or (sure and np.isclose(character.size, metres)):
+        return ""
     high = float(np.ptp(vertices, axis=0).max())
-    taken = f"{file.path.name}: {high:.4g} units high, taken as {high * size / alignment.units:.2f} m"
-    return replace(character, note=f"{taken}; --character-unit m, cm, mm or in says another unit.")
+    taken = (
+        f"{file.path.name}: {high:.4g} units high, taken as {high * character.size / alignment.units:.2f} m"
+    )
+    return f"{taken}; --character-unit m, cm, mm or in says another unit."
 
 
 def file_unit(vertices: AnyArray) -> float | None:
-    """Metres of a unit of the file: the first of `FILE_UNITS` in which the body is from `SMALLEST_M` to `LARGEST_M` high."""
+    """Return the metres of a unit of the file: the first of `FILE_UNITS` in which the body is `SMALLEST_M` to `LARGEST_M` high."""
     height = float(np.ptp(vertices, axis=0).max())
     return next((unit for unit in FILE_UNITS if SMALLEST_M <= height * unit <= LARGEST_M), None)
 

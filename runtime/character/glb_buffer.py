@@ -12,8 +12,9 @@ import numpy as np
 
 from runtime.arrays import AnyArray
 from runtime.atomic import write_atomic
-from runtime.character.read import STRUCTURE_ERRORS, Entry, GltfFile, buffer_view_bytes, read_accessor
+from runtime.character.read import STRUCTURE_ERRORS, Entry, GltfFile
 from runtime.character.textures import EXTENSIONS, image_bytes, open_image, texture_source
+from runtime.character.unpack import COMPONENTS, WIDTHS
 from runtime.safe_read import reason
 
 if TYPE_CHECKING:
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 
 GENERATOR = "SPORT viewer"  # by which glTF names what wrote a file
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
-_COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
-_ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_COMPONENT_TYPES = {kind: number for number, kind in COMPONENTS.items()}
+_ELEMENT_TYPES = {width: name for name, width in WIDTHS.items()}
 NAMES_ACCESSORS = {"EXT_mesh_gpu_instancing"}
 WEIGHT_SUM_TOLERANCE = 1e-3  # of their sum: 8 bits round by as much
 _IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
@@ -38,7 +39,7 @@ class GlbBuffer:
 
     @staticmethod
     def of_file(file: GltfFile) -> GlbBuffer:
-        """The document of a file with all its buffers and images inside one buffer, without its animations.
+        """Return the document of a file with all its buffers and images inside one buffer, without its animations.
 
         FileError when something is missing or damaged.
         """
@@ -51,7 +52,7 @@ class GlbBuffer:
         gltf.animations = []
         made = GlbBuffer(gltf)
         for index, view in enumerate(gltf.bufferViews):
-            held = buffer_view_bytes(file, index, f"buffer view {index}")
+            held = file.view_bytes(index, f"buffer view {index}")
             view.byteOffset, view.buffer = made._append(held), 0
         made._embed_images(file)
         made._normalise_weights(file)
@@ -68,6 +69,10 @@ class GlbBuffer:
             if kind is None:
                 data, kind = _as_png(data, file, f"image {number}"), "image/png"
             image.mimeType, image.uri, image.bufferView = kind, None, self.add_view(data)
+        self._drop_image_extensions(file)
+
+    def _drop_image_extensions(self, file: GltfFile) -> None:
+        gltf = self.gltf
         for texture, read in zip(gltf.textures, file.gltf.textures or [], strict=True):
             texture.source = texture_source(read)
             for name in EXTENSIONS:
@@ -89,7 +94,7 @@ class GlbBuffer:
 
     def _normalised(self, file: GltfFile, indices: tuple[int, ...]) -> list[int]:
         """Accessors of weights that add up to one: those at `indices` where they do already."""
-        sets = [read_accessor(file, index, "skin weights").astype(np.float64) for index in indices]
+        sets = [file.values(index, "skin weights").astype(np.float64) for index in indices]
         if any(values.shape != sets[0].shape for values in sets):
             return list(indices)
         total = sum(values.sum(axis=1, keepdims=True) for values in sets)
@@ -104,13 +109,13 @@ class GlbBuffer:
         return start
 
     def append(self, field: str, entry: Any) -> int:
-        """The index of a new entry of a list of the document."""
+        """Return the index of a new entry of a list of the document."""
         entries = getattr(self.gltf, field)
         entries.append(entry)
         return len(entries) - 1
 
     def add_view(self, data: bytes, target: int | None = None) -> int:
-        """The index of a new buffer view that holds `data`."""
+        """Return the index of a new buffer view that holds `data`."""
         import pygltflib as g
 
         start = self._append(data)
@@ -120,13 +125,13 @@ class GlbBuffer:
     def add(
         self, values: AnyArray, target: int | None = None, *, bounds: bool = False, normalized: bool = False
     ) -> int:
-        """The index of a new accessor that holds `values` `(count, width)`; floats are written as float32."""
+        """Return the index of a new accessor that holds `values` `(count, width)`; floats are written as float32."""
         import pygltflib as g
 
         values = np.ascontiguousarray(values, np.float32 if values.dtype.kind == "f" else values.dtype)
         accessor = g.Accessor(
             bufferView=self.add_view(values.tobytes(), target),
-            componentType=_COMPONENT_TYPES[values.dtype.name],
+            componentType=_COMPONENT_TYPES[values.dtype.type],
             count=len(values),
             type=_ELEMENT_TYPES[values.shape[1]],
             normalized=normalized,
@@ -151,7 +156,7 @@ class GlbBuffer:
             view.byteOffset = self._append(bytes(old[first : first + view.byteLength]))
 
     def as_file(self, path: Path) -> GltfFile:
-        """The document as one that was read from `path`, for what writes it in another form."""
+        """Return the document as one that was read from `path`, for what writes it in another form."""
         return GltfFile(path, json.loads(self.gltf.to_json(), object_hook=Entry), (memoryview(self._blob),))
 
     def save(self, path: Path) -> None:
@@ -159,7 +164,7 @@ class GlbBuffer:
         write_atomic(path, self.to_bytes())
 
     def to_bytes(self) -> bytes:
-        """The GLB."""
+        """Return the GLB."""
         import pygltflib as g
 
         self._drop_unused()

@@ -17,6 +17,7 @@ from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON
 
+NO_JOINTS: Mapping[str, int] = {}
 BY_TREE = "tree and rest pose"
 STILL_RAD = 0.01  # radians: a joint that turns less in a whole motion does not move
 SIDES = ("Left", "Right")
@@ -64,7 +65,7 @@ class JointGuess:
 
 
 def require(path: Path, guess: JointGuess) -> None:
-    """`JointsUnknown` where something is missing, with where to name it."""
+    """Raise `JointsUnknown` where a joint is missing, with the places to name it."""
     if guess.missing:
         raise JointsUnknown(
             f"{path}: no joints found for {', '.join(guess.missing)} (neither by known names nor by tree and rest"
@@ -89,16 +90,16 @@ def guess_skeleton(
     points: AnyArray,
     joint_map: Mapping[str, str],
     turning: AnyArray | None = None,
-    humanoid: Mapping[str, int] | None = None,
+    humanoid: Mapping[str, int] = NO_JOINTS,
 ) -> JointGuess:
-    """What the joints of a skeleton play, in a rest pose with `points` `(N, 3)` of its body or mesh.
+    """Guess which joints of a skeleton play which of ours, in a rest pose with `points` `(N, 3)` of its body or mesh.
 
     What geometry refuses is left out, what was chosen by hand is put in. `turning` `(K,)` is how far each joint turns
     against its parent in a motion, radians: joints of limbs must turn. `humanoid` are the joints that a VRM names.
 
     FileError where the map names a joint that is not there, `NotUpright` for a quadruped.
     """
-    found, origin = _guessed_joints(tree, points, names, humanoid or {})
+    found, origin = _guessed_joints(tree, points, names, humanoid)
     if turning is not None:
         found = _bending(found, tree, turning)
     if _missing(found) and not joint_map and leg_count(tree) > 2:
@@ -136,19 +137,24 @@ def _guessed_joints(
 ) -> tuple[dict[str, int], str]:
     by_name, convention = match_names(names)
     by_name = {**by_name, **humanoid}
-    named = all(name in by_name for name in REQUIRED)
-    if named and not refusals(by_name, tree):
-        return by_name, "VRM" if humanoid else convention
-    exchanged = {OTHER_SIDE[joint]: k for joint, k in by_name.items()}
-    if named and not refusals(exchanged, tree):  # of a body that was mirrored with its names
-        return exchanged, f"{convention}, left and right exchanged"
+    named = _by_names(by_name, convention, "VRM" if humanoid else convention)
+    for found, origin in named:
+        if not refusals(found, tree):
+            return found, origin
     by_tree = guess_by_structure(tree, points)
-    if not _missing(by_tree) and (not named or not refusals(by_tree, tree)):
-        return by_tree, BY_TREE
+    believed = not _missing({} if named and refusals(by_tree, tree) else by_tree)
     by_name |= match_centre(names, by_name)
-    if _missing(by_name) and len(by_tree) > len(by_name):
+    if believed or (_missing(by_name) and len(by_tree) > len(by_name)):
         return by_tree, BY_TREE
     return by_name, convention
+
+
+def _by_names(by_name: dict[str, int], convention: str, origin: str) -> list[tuple[dict[str, int], str]]:
+    """The joints by their names, and as those of a body that was mirrored with its names; nothing where some have none."""
+    if not all(name in by_name for name in REQUIRED):
+        return []
+    exchanged = {OTHER_SIDE[joint]: k for joint, k in by_name.items()}
+    return [(by_name, origin), (exchanged, f"{convention}, left and right exchanged")]
 
 
 def _missing(found: Mapping[str, int]) -> tuple[str, ...]:
@@ -160,16 +166,14 @@ def _chosen(path: Path, names: tuple[str, ...], joint_map: Mapping[str, str]) ->
     chosen = {}
     for joint, name in joint_map.items():
         if joint not in SPORT_SKELETON.names or (name and name not in names):
-            raise FileError(
-                f"{path}: the joint map names {joint!r} -> {name!r}, which is not in the skeleton.",
-                f"Joints of the file: {', '.join(names[:80])}.",
-            )
+            problem = f"{path}: the joint map names {joint!r} -> {name!r}, which is not in the skeleton."
+            raise FileError(problem, f"Joints of the file: {', '.join(names[:80])}.")
         chosen[joint] = names.index(name) if name else -1
     return chosen
 
 
 def refusals(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
-    """SPORT joint -> why the joint that was guessed for it cannot be it; empty where all can be believed.
+    """Return, for each SPORT joint whose guess is refused, the reason why; empty where all can be believed.
 
     Bones of a limb must be of comparable length, left and right alike, joints in the order of the tree, and the left
     leg on the left as the feet point.
@@ -236,7 +240,7 @@ def _swapped(found: Mapping[str, int], tree: JointTree) -> list[str]:
 
 
 def on_four_legs(found: Mapping[str, int], tree: JointTree) -> bool:
-    """Whether the arms are legs that go down across the trunk, or two other limbs stand far from the feet."""
+    """Return whether the arms are legs that go down across the trunk, or two other limbs stand far from the feet."""
     if not _on_both_sides(found, "UpLeg", "Foot"):
         return False
     hips = _middle(found, tree, "UpLeg")

@@ -21,7 +21,7 @@ BENT, STRAIGHT = np.radians((75.0, 40.0))  # of the elbow
 
 
 def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...]) -> AnyArray:
-    """How far `(...)` the hand of an arm (SPORT joints) of a pose touches trunk or head: 0 free, 1 on it."""
+    """Return how closely `(...)` the hand of an arm (SPORT joints) touches trunk or head in a pose: 0 free, 1 on it."""
     wrist = positions[..., arm[2], :]
     seen = rotations.rotate(rotations.inverse(world_rotations[..., 0, :]), wrist - positions[..., 0, :])
     over = np.maximum(np.maximum(TRUNK_LOW_M - seen[..., 1], seen[..., 1] - TRUNK_HIGH_M), 0.0)
@@ -37,7 +37,7 @@ def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...
 
 
 def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyArray:
-    """Where `(..., 3)` the wrist belongs next to a character's own joints `anchors` `(..., 3, 3)`: those of `ANCHORS`.
+    """Return the place `(..., 3)` of the wrist next to a character's own joints `anchors` `(..., 3, 3)`: those of `ANCHORS`.
 
     Near an anchor it keeps the place from there. Trunks are turned alike, so places from them can be compared.
     """
@@ -48,7 +48,7 @@ def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyAr
 
 
 def ramp(value: AnyArray, none: float, full: float) -> AnyArray:
-    """0 at `none`, 1 at `full`, smooth between."""
+    """Return a weight: 0 at `none`, 1 at `full`, smooth between."""
     return smoothstep((value - none) / (full - none))
 
 
@@ -70,14 +70,17 @@ BELOW = {
 }  # fmt: skip
 
 
+Joints = tuple[AnyArray, AnyArray]  # of a pose: positions (..., 31, 3) and world rotations (..., 31, 4)
+
+
 def clear_hands(
     mesh: SkinnedMesh,
     body: BodySurface | None,
     positions: AnyArray,
     world_rotations: AnyArray,
     frames: bool = False,
-) -> tuple[AnyArray, AnyArray]:
-    """A SPORT pose as `joint_transforms` takes it, any leading shape, whose hands lie on the surface `body` of `mesh`.
+) -> Joints:
+    """Put the hands of a SPORT pose, any leading shape, onto the surface `body` of `mesh`.
 
     The wrist turns first, so that fingers that would sink in lie along the body; then shoulder and elbow take the hand
     out. A pose whose hands are free comes back as it is. Where the poses are `frames` of a motion `(T, ...)`, a hand
@@ -87,7 +90,7 @@ def clear_hands(
         return positions, world_rotations
     pivots, _ = mesh.joint_transforms(positions, world_rotations)
     if not mesh.alignment.native:
-        pivots, world_rotations = _placed(mesh, body.sides, pivots, positions, world_rotations, frames)
+        pivots, world_rotations = _placed(mesh, body.sides, pivots, (positions, world_rotations), frames)
     seen = _Seen(mesh, body, pivots, world_rotations)
     if seen.free:
         return positions, world_rotations
@@ -98,12 +101,13 @@ def clear_hands(
             without_jumps(rotations.to_rotation_vector(turns), np.full(turns.shape[:-1], MAX_TURN_STEP_RAD))
         )
         way = without_jumps(way, _steps(seen.wrists))
+    pose = positions, world_rotations
     for k, side in enumerate(body.sides):
         if np.any(turns[..., k, 1:]):
-            positions, world_rotations = _turned(mesh, side, turns[..., k, :], positions, world_rotations)
+            pose = _turned(mesh, side, turns[..., k, :], pose)
         if np.any(way[..., k, :]):
-            positions, world_rotations = _bent(mesh, side, way[..., k, :], pivots, positions, world_rotations)
-    return positions, world_rotations
+            pose = _bent(mesh, side, way[..., k, :], pivots, pose)
+    return pose
 
 
 def _joint(mesh: SkinnedMesh, side: str, bone: int) -> int:
@@ -111,15 +115,10 @@ def _joint(mesh: SkinnedMesh, side: str, bone: int) -> int:
 
 
 def _placed(
-    mesh: SkinnedMesh,
-    sides: tuple[str, ...],
-    pivots: AnyArray,
-    positions: AnyArray,
-    world_rotations: AnyArray,
-    frames: bool,
+    mesh: SkinnedMesh, sides: tuple[str, ...], pivots: AnyArray, pose: Joints, frames: bool
 ) -> tuple[AnyArray, AnyArray]:
     """Pivots and rotations with hands that touch the body in their place on this one."""
-    source = mesh.alignment.source
+    source, (positions, world_rotations) = mesh.alignment.source, pose
     if not all(np.any(source == j) for j in ANCHORS):
         return pivots, world_rotations
     anchors = pivots[..., [int(np.flatnonzero(source == j)[0]) for j in ANCHORS], :]
@@ -130,7 +129,7 @@ def _placed(
             wrist = pivots[..., _joint(mesh, side, 2), :]
             way = touch[..., None] * (reach(positions, anchors, ARM[side]) - wrist)
             way = without_jumps(way, _steps(wrist)) if frames else way
-            _, placed = _bent(mesh, side, way, pivots, positions, placed)
+            _, placed = _bent(mesh, side, way, pivots, (positions, placed))
     if placed is world_rotations:
         return pivots, placed
     return mesh.joint_transforms(positions, placed)[0], placed
@@ -148,7 +147,7 @@ def _steps(wrists: AnyArray) -> AnyArray:
 
 
 def without_jumps(values: AnyArray, steps: AnyArray) -> AnyArray:
-    """Values `(T, ..., n)` that differ by at most `steps` `(T, ...)` in the next frame.
+    """Return values `(T, ..., n)` that differ by at most `steps` `(T, ...)` in the next frame.
 
     The mean of what follows them as fast as it may, and of what does so backwards: a jump becomes a way about its middle.
     """
@@ -211,7 +210,7 @@ class _Seen:
         return not np.any(self._depth(self.hands)[0])
 
     def turns(self) -> AnyArray:
-        """Turns `(..., S, 4)` of the hands in the wrists towards lying along the body: out, and forward where they stick in."""
+        """Return the turns `(..., S, 4)` of hands in their wrists by which they lie along the body: out, and forward."""
         turns = np.zeros((*self.wrists.shape[:-1], 4))
         turns[..., 0] = 1.0
         left = MAX_WRIST_TURN_RAD * self.low
@@ -232,7 +231,7 @@ class _Seen:
         return turns
 
     def way_out(self, turns: AnyArray) -> AnyArray:
-        """How far `(..., S, 3)` turned hands have to go until none of their points is inside trunk or head."""
+        """Return the shifts `(..., S, 3)` of turned hands that bring all their points out of trunk and head."""
         hands = rotations.rotate(turns[..., None, :], self.hands)
         way: AnyArray = np.zeros(self.wrists.shape, np.float64)
         for _ in range(ROUNDS):
@@ -244,10 +243,9 @@ class _Seen:
         return way
 
 
-def _turned(
-    mesh: SkinnedMesh, side: str, turn: AnyArray, positions: AnyArray, world_rotations: AnyArray
-) -> tuple[AnyArray, AnyArray]:
+def _turned(mesh: SkinnedMesh, side: str, turn: AnyArray, pose: Joints) -> Joints:
     """The pose with a hand turned in its wrist."""
+    positions, world_rotations = pose
     world, at, below = np.array(world_rotations), np.array(positions), list(BELOW[side])
     free = ~np.any(turn[..., 1:], axis=-1)[..., None, None]
     turned = rotations.multiply(turn[..., None, :], world_rotations[..., below, :])
@@ -259,15 +257,9 @@ def _turned(
     return at, world
 
 
-def _bent(
-    mesh: SkinnedMesh,
-    side: str,
-    way: AnyArray,
-    pivots: AnyArray,
-    positions: AnyArray,
-    world_rotations: AnyArray,
-) -> tuple[AnyArray, AnyArray]:
+def _bent(mesh: SkinnedMesh, side: str, way: AnyArray, pivots: AnyArray, pose: Joints) -> Joints:
     """The pose with an arm bent so that its hand goes `way` further, in the plane of its elbow."""
+    positions, world_rotations = pose
     shoulder, elbow, hand = (pivots[..., _joint(mesh, side, bone), :] for bone in range(3))
     upper, lower, moved = bend(shoulder, elbow, hand, hand + way, _ELBOW)
     world, arm = np.array(world_rotations), ARM[side]

@@ -22,7 +22,7 @@ def joint_map_path(character: str | Path) -> Path:
 
 
 def read_joint_map(path: str | Path) -> dict[str, str]:
-    """A JSON object that maps SPORT joint names to joint names of the user's character, "" for none of them."""
+    """Read the JSON map of SPORT joint names to joint names of the user's character, "" for none of them."""
     path = Path(path)
     form = 'Expected {"LeftArm": "name in the file", ...}.'
     try:
@@ -31,17 +31,14 @@ def read_joint_map(path: str | Path) -> dict[str, str]:
         raise FileError(f"{path}: not JSON ({reason(error)}).", form) from error
     if not isinstance(data, dict):
         raise FileError(f"{path}: not a JSON object.", form)
+    known = SPORT_SKELETON.names
     wrong = sorted(
-        key
-        for key, value in data.items()
-        if key not in SPORT_SKELETON.names or not (value == "" or is_text(value))
+        key for key, value in data.items() if key not in known or not (value == "" or is_text(value))
     )
     if wrong:
-        raise FileError(
-            f"{path}: expected SPORT joint names mapped to text, found"
-            f" {', '.join(ascii(key[:40]) for key in wrong[:4])}.",
-            f"Known joints: {', '.join(SPORT_SKELETON.names)}.",
-        )
+        found = ", ".join(ascii(key[:40]) for key in wrong[:4])
+        problem = f"{path}: expected SPORT joint names mapped to text, found {found}."
+        raise FileError(problem, f"Known joints: {', '.join(known)}.")
     return data
 
 
@@ -54,6 +51,6 @@ def save_joint_map(character: str | Path, joints: Mapping[str, str]) -> Path:
 
 
 def saved_joint_map(character: str | Path) -> dict[str, str]:
-    """The map next to a character file, empty where there is none; FileError when it is damaged."""
+    """Return the map next to a character file, empty where there is none; FileError when it is damaged."""
     path = joint_map_path(character)
     return read_joint_map(path) if path.is_file() else {}

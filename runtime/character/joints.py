@@ -63,20 +63,20 @@ REQUIRED = (*NEEDED, *(side + "Hand" for side in _SIDED))  # of names that are t
 
 
 def simple_name(name: str) -> str:
-    """A joint name without namespace, case and punctuation: "mixamorig:LeftArm" becomes "leftarm"."""
+    """Return a joint name without namespace, case and punctuation: "mixamorig:LeftArm" becomes "leftarm"."""
     bare = re.split(r"[:|]", name)[-1]
     bare = re.sub(r"^(DEF|ORG)[-_]", "", bare)  # Rigify's layers of bones
     return re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower())
 
 
 def name_variants(name: str) -> set[str]:
-    """Simple names of a joint name, whole and without what stands before each of its separators."""
+    """Return simple names of a joint name, whole and without what stands before each of its separators."""
     cuts = [0, *(cut.end() for cut in re.finditer(r"[-_:|. ]", name))]
     return {simple_name(name[cut:]) for cut in cuts}
 
 
 def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
-    """SPORT joint name -> index into `names`, by the naming convention that recognises most joints, and which one that is."""
+    """Return the index into `names` of each SPORT joint, by the naming convention that recognises most, and that convention."""
     best: tuple[dict[str, int], str] = ({}, "")
     for bare in (tuple(map(simple_name, names)), tuple(map(simple_name, _without_prefix(names)))):
         index: dict[str, int] = {}
@@ -90,7 +90,7 @@ def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
 
 
 def match_centre(names: Sequence[str], found: Mapping[str, int]) -> dict[str, int]:
-    """Hips and head as another convention calls them, where a file mixes two: "Pelvis" above "LeftUpLeg"."""
+    """Find hips and head as another convention calls them, where a file mixes two: "Pelvis" above "LeftUpLeg"."""
     free = {simple_name(name): k for k, name in enumerate(names) if k not in found.values()}
     matched = {}
     for joint in ("Hips", "Head"):
@@ -112,18 +112,21 @@ def _score(found: Mapping[str, int]) -> tuple[int, int]:
     return sum(name in found for name in REQUIRED), len(found)
 
 
+Indices = NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class Alignment:
-    """How joint transforms of a character with K joints follow a SPORT pose.
+    """A table by which the joint transforms of a character with K joints follow a SPORT pose.
 
     A driven joint turns with SPORT joint `source` by `world_rotation * turn`; every other joint moves rigidly with
     its nearest driven ancestor `driver`. All lengths are already in the metres of the SPORT character.
     """
 
     order: tuple[int, ...]  # driven joints, ancestors first; the hips come first
-    source: NDArray[np.int64]  # (K,) SPORT joint of a driven joint, -1 otherwise
-    driver: NDArray[np.int64]  # (K,) the joint itself where driven
-    anchor: NDArray[np.int64]  # (K,) driven joint that carries this joint's pivot
+    source: Indices  # (K,) SPORT joint of a driven joint, -1 otherwise
+    driver: Indices  # (K,) the joint itself where driven
+    anchor: Indices  # (K,) driven joint that carries this joint's pivot
     turns: Array  # (K, 4) rest-pose alignment of driven joints
     arms: Array  # (K, 3) from the anchor's pivot to this joint's pivot, aligned rest pose
     basis: Array  # (K, 3, 3) rest-pose axes with scale
@@ -134,7 +137,7 @@ class Alignment:
 
 
 def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, vertices: Array) -> Alignment:
-    """Alignment of a rest pose: `found` joints, `rest_world` `(K, 4, 4)`, mesh `vertices` `(V, 3)` in that pose.
+    """Align a rest pose: `found` joints, `rest_world` `(K, 4, 4)`, mesh `vertices` `(V, 3)` in that pose.
 
     Rest poses in A-pose, of another size, facing, or up axis are turned and scaled onto the SPORT rest pose.
     """
@@ -161,26 +164,16 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
     )
     sole = float((vertices @ facing[1]).min()) * scale
     lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -MOST_LIFT_M, MOST_LIFT_M))
-    return Alignment(
-        order,
-        source,
-        driver,
-        anchor,
-        turns,
-        position - position[anchor],
-        scale * facing @ rest_world[:, :3, :3],
-        position[hips] - legs,
-        lift,
-        native,
-        1.0 / scale,
-    )
+    arms, basis = position - position[anchor], scale * facing @ rest_world[:, :3, :3]
+    offset = position[hips] - legs
+    return Alignment(order, source, driver, anchor, turns, arms, basis, offset, lift, native, 1.0 / scale)
 
 
 # the joint that a limb's bone points to
 _AIM = dict(Arm="ForeArm", ForeArm="Hand", Hand="HandIndex1", UpLeg="Leg", Leg="Foot", Foot="ToeBase")
 
 
-def _attach_to_limbs(found: Mapping[str, int], anchor: NDArray[np.int64], parents: Sequence[int]) -> None:
+def _attach_to_limbs(found: Mapping[str, int], anchor: Indices, parents: Sequence[int]) -> None:
     """Carry feet and hands that hang on the root, as targets of a rig do, by their limbs."""
     for side in _SIDED:
         for above, bone in _AIM.items():
@@ -193,7 +186,7 @@ def _attach_to_limbs(found: Mapping[str, int], anchor: NDArray[np.int64], parent
 
 
 def canonical_axes(found: Mapping[str, int], position: Array) -> Array:
-    """Rotation `(3, 3)` in quarter turns that puts the character's left on +X and its head on +Y."""
+    """Return the rotation `(3, 3)` in quarter turns that puts the character's left on +X and its head on +Y."""
     left = position[found["LeftUpLeg"]] - position[found["RightUpLeg"]]
     up = position[found["Head"]] - position[found["Hips"]]
     rows = np.zeros((3, 3))
@@ -214,7 +207,7 @@ def _leg_scale(found: Mapping[str, int], position: Array) -> float:
     return ours / max(length, 1e-6)
 
 
-def _drivers(parents: Sequence[int], source: NDArray[np.int64], hips: int) -> NDArray[np.int64]:
+def _drivers(parents: Sequence[int], source: Indices, hips: int) -> Indices:
     driver = np.empty(len(parents), np.int64)
     for k in range(len(parents)):
         j = k
@@ -224,7 +217,7 @@ def _drivers(parents: Sequence[int], source: NDArray[np.int64], hips: int) -> ND
     return driver
 
 
-def _carriers_first(joints: list[int], anchor: NDArray[np.int64], hips: int) -> tuple[int, ...]:
+def _carriers_first(joints: list[int], anchor: Indices, hips: int) -> tuple[int, ...]:
     """Driven joints, each after the one that carries it; a joint in a ring of them is put on the hips."""
 
     def depth(k: int) -> int:
@@ -241,11 +234,7 @@ def _carriers_first(joints: list[int], anchor: NDArray[np.int64], hips: int) -> 
 
 
 def _turns(
-    found: Mapping[str, int],
-    order: Sequence[int],
-    anchor: NDArray[np.int64],
-    source: NDArray[np.int64],
-    position: Array,
+    found: Mapping[str, int], order: Sequence[int], anchor: Indices, source: Indices, position: Array
 ) -> Array:
     """Rest alignment `(K, 4)`: limb bones turn onto the SPORT rest directions, feet only about the vertical."""
     turns = rotations.identity((len(source),)).astype(np.float64)

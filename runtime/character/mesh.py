@@ -13,17 +13,8 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.joints import CONVENTIONS
-from runtime.character.read import (
-    MAX_PRIMITIVES,
-    REMEDY,
-    Entry,
-    GltfFile,
-    accessor_count,
-    ancestors,
-    nearest_of,
-    node_world_matrices,
-    read_accessor,
-)
+from runtime.character.nodes import Nodes
+from runtime.character.read import MAX_PRIMITIVES, Entry, GltfFile
 from runtime.character.skinned_mesh import Surface
 from runtime.character.textures import Textures, primitive_colors
 
@@ -37,7 +28,7 @@ _SKINNED_AT_ONCE = 1 << 15  # vertices, whose blended matrices take 400 bytes ea
 
 @dataclass(frozen=True)
 class MeshData(Surface):
-    """All skinned primitives of a file over one list of joints; `humanoid` has the joints that a VRM names."""
+    """The skinned primitives of a file over one list of joints; `humanoid` has the joints that a VRM names."""
 
     joint_nodes: tuple[int, ...]
     joint_parents: tuple[int, ...]  # -1 at roots
@@ -46,7 +37,7 @@ class MeshData(Surface):
     humanoid: dict[str, int]
 
     def rest_positions(self) -> AnyArray:
-        """Vertices `(V, 3)` as the file shows them, skinned by the joints' rest transforms."""
+        """Return vertices `(V, 3)` as the file shows them, skinned by the joints' rest transforms."""
         matrices = (self.rest_world @ self.inverse_bind)[:, :3]
         result = np.empty((len(self.positions), 3))
         for first in range(0, len(result), _SKINNED_AT_ONCE):
@@ -69,7 +60,7 @@ class _Palette:
         self._read = 0
 
     def slots(self, skin: int) -> NDArray[np.int64]:
-        """Entry of each joint of a skin."""
+        """Return the entry of each joint of a skin."""
         if skin not in self._slots:
             joints, inverse = skin_joints(self._file, skin)
             self._read += len(joints)
@@ -78,9 +69,9 @@ class _Palette:
             self._slots[skin] = np.array([self._add(j, m) for j, m in zip(joints, inverse, strict=False)])
         return self._slots[skin]
 
-    def parents(self, parents: list[int], carriers: list[int]) -> tuple[int, ...]:
-        """The entry of each joint's nearest ancestor that is itself a joint, -1 at roots."""
-        above = (carriers[parents[node]] if parents[node] >= 0 else -1 for node in self.nodes)
+    def parents(self, nodes: Nodes, carriers: list[int]) -> tuple[int, ...]:
+        """Return the entry of each joint's nearest ancestor that is itself a joint, -1 at roots."""
+        above = (carriers[nodes.parents[node]] if nodes.parents[node] >= 0 else -1 for node in self.nodes)
         return tuple(self.first[joint] if joint >= 0 else -1 for joint in above)
 
     def _add(self, node: int, inverse_bind: AnyArray) -> int:
@@ -96,24 +87,28 @@ class _Palette:
 
 
 def skin_joints(file: GltfFile, index: int) -> tuple[list[int], AnyArray]:
-    """The nodes of skin `index` and their inverse bind matrices `(joints or more, 4, 4)`."""
+    """Return the nodes of skin `index` and their inverse bind matrices `(joints or more, 4, 4)`."""
     skins, nodes = file.gltf.skins, file.gltf.nodes
     if not 0 <= index < len(skins):
         raise file.error(f"skin {index} is missing.")
     joints = list(skins[index].joints or [])
     if not joints or not all(isinstance(j, int) and 0 <= j < len(nodes) for j in joints):
         raise file.error(f"skin {index} names joints that are not there.")
-    matrices = skins[index].inverseBindMatrices
+    return joints, _bind_matrices(file, index, len(joints))
+
+
+def _bind_matrices(file: GltfFile, skin: int, joints: int) -> AnyArray:
+    matrices = file.gltf.skins[skin].inverseBindMatrices
     if matrices is None:
-        return joints, np.broadcast_to(np.eye(4), (len(joints), 4, 4))
-    if accessor_count(file, matrices) > 2 * MAX_JOINTS:
-        raise file.error(f"skin {index} has more than {2 * MAX_JOINTS} bind matrices.")
-    values = read_accessor(file, matrices, f"inverse bind matrices of skin {index}")
-    if values.shape[1] != 16 or len(values) < len(joints):
-        raise file.error(f"skin {index} has {len(joints)} joints but {len(values)} bind matrices.")
+        return np.broadcast_to(np.eye(4), (joints, 4, 4))
+    if file.count(matrices) > 2 * MAX_JOINTS:
+        raise file.error(f"skin {skin} has more than {2 * MAX_JOINTS} bind matrices.")
+    values = file.values(matrices, f"inverse bind matrices of skin {skin}")
+    if values.shape[1] != 16 or len(values) < joints:
+        raise file.error(f"skin {skin} has {joints} joints but {len(values)} bind matrices.")
     if np.abs(values).max(initial=0.0) > MAX_BIND:
-        raise file.error(f"skin {index} has bind matrices with values over {MAX_BIND:,.0f}.")
-    return joints, values.reshape(-1, 4, 4).transpose(0, 2, 1)
+        raise file.error(f"skin {skin} has bind matrices with values over {MAX_BIND:,.0f}.")
+    return values.reshape(-1, 4, 4).transpose(0, 2, 1)
 
 
 class _Reader:
@@ -125,7 +120,7 @@ class _Reader:
         self._counts = Counter[str]()
 
     def read(self, mesh: int, slots: NDArray[np.int64], rigid: AnyArray | None) -> list[Surface]:
-        """The triangles of a mesh whose joints are `slots`; for `rigid` see `_read_primitive`."""
+        """Return the triangles of a mesh whose joints are `slots`; for `rigid` see `_surface`."""
         meshes = self._file.gltf.meshes or []
         if not 0 <= mesh < len(meshes):
             raise self._file.error(f"mesh {mesh} is missing.")
@@ -134,12 +129,41 @@ class _Reader:
             if primitive.mode in (None, 4):
                 what = f"mesh {mesh} primitive {p}"
                 self._count(primitive, what)
-                parts.append(_read_primitive(self._file, primitive, slots, what, rigid, self._textures))
+                parts.append(self._surface(primitive, slots, what, rigid))
         return parts
 
+    def _surface(
+        self, primitive: Entry, slots: NDArray[np.int64], what: str, rigid: AnyArray | None
+    ) -> Surface:
+        """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
+        file, attributes = self._file, primitive.attributes
+        count = file.count(attributes.POSITION)
+        positions = _matching(file, attributes.POSITION, f"POSITION of {what}", 3, count).astype(np.float32)
+        if primitive.indices is None:
+            indices = np.arange(len(positions))
+        else:
+            indices = file.values(primitive.indices, f"indices of {what}").ravel().astype(np.int64)
+        if len(indices) % 3 or indices.min() < 0 or indices.max() >= len(positions):
+            raise file.error(f"the indices of {what} do not fit its {len(positions)} vertices.")
+        triangles = indices.reshape(-1, 3)
+        if attributes.NORMAL is None:
+            normals = vertex_normals(positions, triangles)
+        else:
+            normals = _matching(file, attributes.NORMAL, f"NORMAL of {what}", 3, count)
+        if rigid is None:
+            joints, weights = _influences(file, attributes, slots, what, len(positions))
+        else:
+            joints = np.tile(np.array([slots[0], 0, 0, 0], np.uint16), (len(positions), 1))
+            weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(positions), 1))
+            positions = (positions @ rigid[:3, :3].T + rigid[:3, 3]).astype(np.float32)
+            normals = normals @ np.linalg.inv(rigid[:3, :3])
+        unit = rotations.normalize(normals.astype(np.float64)).astype(np.float32)
+        colors = primitive_colors(file, self._textures, primitive, what, len(positions))
+        return Surface(positions, unit, colors, joints, weights, triangles.astype(np.uint32))
+
     def _count(self, primitive: Entry, what: str) -> None:
-        vertices = accessor_count(self._file, primitive.attributes.POSITION)
-        triangles = (accessor_count(self._file, primitive.indices) or vertices) // 3
+        vertices = self._file.count(primitive.attributes.POSITION)
+        triangles = (self._file.count(primitive.indices) or vertices) // 3
         self._counts.update(primitives=1, vertices=vertices, triangles=triangles)
         for name, most in MOST.items():
             if self._counts[name] > most:
@@ -151,85 +175,49 @@ def read_meshes(file: GltfFile) -> MeshData:
     """Merge every skinned primitive of the file; FileError when there is none or it is damaged."""
     if not file.gltf.skins:
         raise file.error("it has no skin.", "Export the character with its skeleton and skin weights.")
-    order, parents = ancestors(file)
-    world = node_world_matrices(file, order, parents)
+    nodes = Nodes(file)
+    world = nodes.rest
     palette, reader = _Palette(file), _Reader(file)
     parts: list[Surface] = []
-    meshes = [(i, node) for i, node in enumerate(file.gltf.nodes) if node.mesh is not None]
-    for _, node in meshes:
+    meshes = {i: node for i, node in enumerate(file.gltf.nodes) if node.mesh is not None}
+    for node in meshes.values():
         if node.skin is not None:
             parts += reader.read(node.mesh, palette.slots(node.skin), None)
     if not parts:
         raise file.error("no mesh of triangles uses its skin.")
-    carriers = nearest_of(order, parents, palette.first)
-    for i, node in meshes:
+    carriers = nodes.nearest(palette.first)
+    for i, node in meshes.items():
         if node.skin is None and carriers[i] >= 0:  # glasses, a sword: it moves rigidly with that joint
             slot = palette.first[carriers[i]]
             to_bind = np.linalg.inv(world[carriers[i]] @ palette.inverse_bind[slot]) @ world[i]
             parts += reader.read(node.mesh, np.array([slot]), to_bind)
-    base = np.cumsum([0] + [len(part.positions) for part in parts[:-1]])
-    parts = [replace(p, triangles=p.triangles + np.uint32(b)) for p, b in zip(parts, base, strict=True)]
     return MeshData(
-        **{field.name: np.concatenate([getattr(p, field.name) for p in parts]) for field in fields(Surface)},
+        **_merged(parts),
         joint_nodes=tuple(palette.nodes),
-        joint_parents=palette.parents(parents, carriers),
+        joint_parents=palette.parents(nodes, carriers),
         inverse_bind=np.stack(palette.inverse_bind).astype(np.float32),
         rest_world=world[palette.nodes],
         humanoid=_vrm_humanoid(file, palette.nodes),
     )
 
 
-def _read_primitive(
-    file: GltfFile,
-    primitive: Entry,
-    slots: NDArray[np.int64],
-    what: str,
-    rigid: AnyArray | None,
-    textures: Textures,
-) -> Surface:
-    """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
-    attributes = primitive.attributes
-    count = accessor_count(file, attributes.POSITION)
-    positions = _matching(file, attributes.POSITION, f"POSITION of {what}", 3, count).astype(np.float32)
-    if primitive.indices is None:
-        indices = np.arange(len(positions))
-    else:
-        indices = read_accessor(file, primitive.indices, f"indices of {what}").ravel().astype(np.int64)
-    if len(indices) % 3 or indices.min() < 0 or indices.max() >= len(positions):
-        raise file.error(f"the indices of {what} do not fit its {len(positions)} vertices.")
-    triangles = indices.reshape(-1, 3)
-    if attributes.NORMAL is None:
-        normals = vertex_normals(positions, triangles)
-    else:
-        normals = _matching(file, attributes.NORMAL, f"NORMAL of {what}", 3, count)
-    if rigid is None:
-        joints, weights = _influences(file, attributes, slots, what, len(positions))
-    else:
-        joints = np.tile(np.array([slots[0], 0, 0, 0], np.uint16), (len(positions), 1))
-        weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(positions), 1))
-        positions = (positions @ rigid[:3, :3].T + rigid[:3, 3]).astype(np.float32)
-        normals = normals @ np.linalg.inv(rigid[:3, :3])
-    unit = rotations.normalize(normals.astype(np.float64)).astype(np.float32)
-    return Surface(
-        positions,
-        unit,
-        primitive_colors(file, textures, primitive, what, len(positions)),
-        joints,
-        weights,
-        triangles.astype(np.uint32),
-    )
+def _merged(parts: list[Surface]) -> dict[str, AnyArray]:
+    """The fields of a surface of all parts, whose triangles name its vertices."""
+    base = np.cumsum([0] + [len(part.positions) for part in parts[:-1]])
+    parts = [replace(p, triangles=p.triangles + np.uint32(b)) for p, b in zip(parts, base, strict=True)]
+    return {field.name: np.concatenate([getattr(p, field.name) for p in parts]) for field in fields(Surface)}
 
 
 def _matching(file: GltfFile, index: Any, what: str, width: int, count: int) -> AnyArray:
     """Values `(count, width)` of an accessor; FileError where it has others."""
-    values = read_accessor(file, index, what)
+    values = file.values(index, what)
     if values.shape != (count, width):
         raise file.error(f"{what} is {values.shape[0]} x {values.shape[1]}; expected {count} x {width}.")
     return values
 
 
 def vertex_normals(positions: AnyArray, triangles: AnyArray) -> AnyArray:
-    """Area-weighted vertex normals `(V, 3)`."""
+    """Return area-weighted vertex normals `(V, 3)`."""
     a, b, c = (positions[triangles[:, i]].astype(np.float64) for i in range(3))
     face = np.cross(b - a, c - a)
     normals: AnyArray = np.stack(
@@ -251,14 +239,11 @@ def _influences(
     all_joints, all_weights = np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
     used = all_weights > 0
     if all_joints.min() < 0 or np.any(all_joints[used] >= len(slots)):
-        raise file.error(
-            f"{what} uses joint {int(all_joints[used].max())}; its skin has {len(slots)} joints.",
-            REMEDY,
-        )
+        highest = int(all_joints[used].max())
+        raise file.error(f"{what} uses joint {highest}; its skin has {len(slots)} joints.")
     if all_weights.min() < 0 or not np.all(used.any(axis=1)):
-        raise file.error(
-            f"{what} has negative weights or vertices without a joint.", "Normalise the weights."
-        )
+        problem = f"{what} has negative weights or vertices without a joint."
+        raise file.error(problem, "Normalise the weights.")
     best = np.argsort(-all_weights, axis=1, kind="stable")[:, :4]
     kept = np.take_along_axis(all_weights, best, axis=1)
     index = np.take_along_axis(np.where(used, all_joints, 0), best, axis=1)
@@ -276,7 +261,7 @@ def _vrm_humanoid(file: GltfFile, joint_nodes: list[int]) -> dict[str, int]:
 
 
 def vrm_bones(file: GltfFile) -> dict[int, str]:
-    """The bone of a humanoid that a node is, as a VRM or VRM animation tells."""
+    """Return the bone of a humanoid that a node is, as a VRM or VRM animation tells."""
     extensions, bones = file.gltf.extensions or {}, dict[int, str]()
     for name in ("VRM", "VRMC_vrm", "VRMC_vrm_animation"):
         listed = (extensions.get(name) or {}).get("humanoid", {}).get("humanBones", {})

@@ -47,15 +47,10 @@ def decode(kind: str, path: Path, facts: Any, data: bytes, remedy: str) -> bytes
 
 
 def fbx_as_glb(path: Path, motion: bool = False) -> bytes:
-    """The GLB of an FBX, with its `motion` where that is wanted; FileError says how to get the library, or what is wrong with the file."""
+    """Convert an FBX to GLB, with its `motion` where that is wanted; FileError says what is wrong, or how to get the library."""
     known = path.stat()
-    facts = {
-        "path": str(path.resolve()),
-        "modified": known.st_mtime_ns,
-        "size": known.st_size,
-        "motion": motion,
-    }
-    return decode("fbx", path, facts, b"", "Export it again as binary FBX, or as .glb.")
+    facts = {"path": str(path.resolve()), "modified": known.st_mtime_ns, "size": known.st_size}
+    return decode("fbx", path, facts | {"motion": motion}, b"", "Export it again as binary FBX, or as .glb.")
 
 
 @lru_cache(2)  # a character is opened several times: to look at its joints, to show and to write it

@@ -106,9 +106,8 @@ def _ktx2() -> Decoder:
     import opengl_basisu as codec
 
     def decode(facts: Any, source: Path) -> bytes:
-        return np.ascontiguousarray(
-            codec.open(source.read_bytes()).transcode(codec.Target.RGBA8).data
-        ).tobytes()
+        image = codec.open(source.read_bytes()).transcode(codec.Target.RGBA8)
+        return np.ascontiguousarray(image.data).tobytes()
 
     return decode
 

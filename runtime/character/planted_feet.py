@@ -53,7 +53,7 @@ class Soles:
 
 
 def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
-    """The feet of a character from its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose."""
+    """Find the feet of a character by its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose."""
     alignment = mesh.alignment
     joint_of = {int(s): k for k, s in enumerate(alignment.source) if s >= 0}
     lead = mesh.joint_indices[np.arange(len(rest)), mesh.joint_weights.argmax(axis=1)]
@@ -93,19 +93,15 @@ def _sole(points: AnyArray) -> tuple[float, float, float]:
 def _outline(points: AnyArray) -> AnyArray:
     """The points `(3 OUTLINE, 3)` that lie furthest down, ahead and back, and the same leaning to either side."""
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, OUTLINE)
-    directions = np.concatenate(
-        [
-            np.stack([np.full(OUTLINE, side), -np.cos(angles), np.sin(angles)], 1)
-            for side in (-OUTLINE_LEAN_FACTOR, 0.0, OUTLINE_LEAN_FACTOR)
-        ]
-    )
+    leans = np.repeat([-OUTLINE_LEAN_FACTOR, 0.0, OUTLINE_LEAN_FACTOR], OUTLINE)
+    directions = np.stack([leans, np.tile(-np.cos(angles), 3), np.tile(np.sin(angles), 3)], 1)
     return np.asarray(points[np.argmax(points @ directions.T, axis=0)])
 
 
 def plant_feet(
     mesh: SkinnedMesh, soles: Soles, positions: AnyArray, world_rotations: AnyArray, contacts: AnyArray
 ) -> tuple[AnyArray, AnyArray]:
-    """A SPORT pose as `SkinnedMesh.joint_transforms` takes it, any leading shape, whose legs put this character's feet down.
+    """Bend the legs of a SPORT pose, any leading shape, so that they put this character's feet down.
 
     `contacts` `(..., 4)` as those of a pose. Positions stay, for they are those of the motion.
     """

@@ -1,10 +1,9 @@
-"""glTF container, accessors and node hierarchy read with bounds on everything; what damage raises is a FileError."""
+"""glTF containers and accessors read with bounds on everything; what damage raises is a FileError."""
 
 from __future__ import annotations
 
 import base64
 import struct
-from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +11,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.native import HEADS, fbx_as_glb
-from runtime.character.unpack import COMPONENTS, MESHOPT, unpack
+from runtime.character.unpack import COMPONENTS, MESHOPT, WIDTHS, unpack
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason
 
@@ -27,7 +25,6 @@ MAX_ENTRIES = 20_000  # of a list of the document
 MAX_PRIMITIVES = 4096
 MAX_SPARSE = 2_000_000  # elements of an accessor that has no bytes of its own
 REMEDY = "Export it again as glTF binary (.glb), or choose another file."
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _LISTS = (
     "accessors", "animations", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "skins", "textures",
 )  # fmt: skip
@@ -57,8 +54,47 @@ class GltfFile:
     buffers: tuple[memoryview, ...]
 
     def error(self, problem: str, remedy: str = REMEDY) -> FileError:
-        """An error that names the file."""
+        """Return an error that names the file."""
         return FileError(f"{self.path}: {problem}", remedy)
+
+    def view_bytes(self, index: Any, what: str) -> memoryview:
+        """Return the bytes of a buffer view; `what` stands in error messages."""
+        views = self.gltf.bufferViews or []
+        if not isinstance(index, int) or not 0 <= index < len(views):
+            raise self.error(f"the buffer view of {what} is missing.")
+        view = views[index]
+        start, length = view.byteOffset or 0, view.byteLength
+        whole = all(isinstance(number, int) for number in (view.buffer, start, length))
+        if not whole or view.buffer not in range(len(self.buffers)):
+            raise self.error(f"the buffer of {what} is missing.")
+        data = self.buffers[view.buffer]
+        if not 0 <= start <= start + length <= len(data):
+            raise self.error(f"{what} reaches beyond its buffer.")
+        return data[start : start + length]
+
+    def count(self, index: Any) -> int:
+        """Return the declared element count of an accessor; 0 if it is missing or damaged."""
+        accessor = self._accessor(index)
+        count = 0 if accessor is None else accessor.count
+        return count if isinstance(count, int) and count > 0 else 0
+
+    def values(self, index: Any, what: str) -> AnyArray:
+        """Read the values `(count, width)` of an accessor, normalised integers as float32; `what` is for error messages."""
+        accessor = self._accessor(index)
+        if accessor is None:
+            raise self.error(f"the accessor for {what} is missing.")
+        if accessor.componentType not in COMPONENTS or accessor.type not in WIDTHS:
+            raise self.error(f"{what} has an unknown component or element type.")
+        values = (_accessor_values if accessor.sparse is None else _sparse_values)(self, accessor, what)
+        if values.dtype.kind == "f" and not np.all(np.abs(values) < MAX_VALUE):
+            raise self.error(f"{what} holds values that are not finite or above {MAX_VALUE:.0e}.")
+        if accessor.normalized and values.dtype.kind in "iu":
+            return np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, -1.0)
+        return values
+
+    def _accessor(self, index: Any) -> Entry | None:
+        accessors = self.gltf.accessors or []
+        return accessors[index] if isinstance(index, int) and 0 <= index < len(accessors) else None
 
 
 def open_gltf(path: Path, motion: bool = False) -> GltfFile:
@@ -94,9 +130,8 @@ def _chunks(data: bytes, path: Path) -> tuple[bytes, memoryview]:
     if version != 2:
         raise FileError(f"{path}: glTF version {version}; expected 2.", REMEDY)
     if length > len(data):
-        raise FileError(
-            f"{path}: cut off, {len(data)} of {length} bytes are there.", "Copy or export the file again."
-        )
+        problem = f"{path}: cut off, {len(data)} of {length} bytes are there."
+        raise FileError(problem, "Copy or export the file again.")
     if kind != b"JSON" or 20 + size > length:
         raise FileError(f"{path}: damaged glTF container (no JSON chunk).", REMEDY)
     at = 20 + size
@@ -127,22 +162,27 @@ def _check_document(gltf: Entry, path: Path) -> None:
 def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]:
     buffers, total = list[memoryview](), 0
     for i, buffer in enumerate(gltf.buffers or []):
-        data = blob if not buffer.uri else memoryview(read_uri(path, buffer.uri, "buffer"))
-        packed = not buffer.uri and any((buffer.extensions or {}).get(name) for name in MESHOPT)
-        if i and packed:  # a buffer without bytes, for readers that know no compression
-            data = memoryview(b"")
-        elif not isinstance(buffer.byteLength, int) or not 0 <= buffer.byteLength <= len(data):
-            wanted = str(buffer.byteLength)[:40]
-            raise FileError(f"{path}: buffer {i} has {len(data)} bytes; expected {wanted}.", REMEDY)
-        total += len(data)
+        buffers.append(_buffer(path, buffer, i, blob))
+        total += len(buffers[-1])
         if total > MAX_FILE_BYTES:
             raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
-        buffers.append(data)
     return buffers
 
 
+def _buffer(path: Path, buffer: Entry, number: int, blob: memoryview) -> memoryview:
+    """The bytes of a buffer: of a file or text that it names, else the `blob` of the GLB."""
+    data = memoryview(read_uri(path, buffer.uri, "buffer")) if buffer.uri else blob
+    packed = not buffer.uri and any((buffer.extensions or {}).get(name) for name in MESHOPT)
+    if number and packed:  # a buffer without bytes, for readers that know no compression
+        return memoryview(b"")
+    if not isinstance(buffer.byteLength, int) or not 0 <= buffer.byteLength <= len(data):
+        wanted = str(buffer.byteLength)[:40]
+        raise FileError(f"{path}: buffer {number} has {len(data)} bytes; expected {wanted}.", REMEDY)
+    return data
+
+
 def read_uri(path: Path, uri: Any, what: str) -> bytes:
-    """Bytes that `path` refers to: embedded as base64, or a file next to it; FileError otherwise."""
+    """Return bytes that `path` refers to: embedded as base64, or a file next to it; FileError otherwise."""
     if not isinstance(uri, str):
         raise FileError(f"{path}: the address of a {what} is damaged.", REMEDY)
     if not uri.startswith("data:"):
@@ -163,62 +203,17 @@ def _read_sibling(path: Path, uri: str, what: str) -> bytes:
     if not inside:
         raise FileError(f"{path}: {what} {uri[:80]!r} lies outside the file's folder.", REMEDY)
     if not there:
-        raise FileError(
-            f"{path}: its {what} file {uri[:80]!r} is missing.",
-            "Put it next to the .gltf file, or export as one .glb file.",
-        )
+        problem = f"{path}: its {what} file {uri[:80]!r} is missing."
+        raise FileError(problem, "Put it next to the .gltf file, or export as one .glb file.")
     return _read(target)
-
-
-def buffer_view_bytes(file: GltfFile, index: Any, what: str) -> memoryview:
-    """The bytes of a buffer view; `what` stands in error messages."""
-    views = file.gltf.bufferViews or []
-    if not isinstance(index, int) or not 0 <= index < len(views):
-        raise file.error(f"the buffer view of {what} is missing.")
-    view = views[index]
-    start, length = view.byteOffset or 0, view.byteLength
-    whole = all(isinstance(number, int) for number in (view.buffer, start, length))
-    if not whole or view.buffer not in range(len(file.buffers)):
-        raise file.error(f"the buffer of {what} is missing.")
-    data = file.buffers[view.buffer]
-    if not 0 <= start <= start + length <= len(data):
-        raise file.error(f"{what} reaches beyond its buffer.")
-    return data[start : start + length]
-
-
-def _accessor(file: GltfFile, index: Any) -> Entry | None:
-    accessors = file.gltf.accessors or []
-    return accessors[index] if isinstance(index, int) and 0 <= index < len(accessors) else None
-
-
-def accessor_count(file: GltfFile, index: Any) -> int:
-    """Return the declared element count of an accessor; 0 if it is missing or damaged."""
-    accessor = _accessor(file, index)
-    count = 0 if accessor is None else accessor.count
-    return count if isinstance(count, int) and count > 0 else 0
-
-
-def read_accessor(file: GltfFile, index: Any, what: str) -> AnyArray:
-    """Values `(count, width)` of an accessor, normalised integers as float32; `what` stands in error messages."""
-    accessor = _accessor(file, index)
-    if accessor is None:
-        raise file.error(f"the accessor for {what} is missing.")
-    if accessor.componentType not in COMPONENTS or accessor.type not in _WIDTHS:
-        raise file.error(f"{what} has an unknown component or element type.")
-    values = (_accessor_values if accessor.sparse is None else _sparse_values)(file, accessor, what)
-    if values.dtype.kind == "f" and not np.all(np.abs(values) < MAX_VALUE):
-        raise file.error(f"{what} holds values that are not finite or above {MAX_VALUE:.0e}.")
-    if accessor.normalized and values.dtype.kind in "iu":
-        return np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, -1.0)
-    return values
 
 
 def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
     dtype = np.dtype(COMPONENTS[accessor.componentType]).newbyteorder("<")
-    width, count = _WIDTHS[accessor.type], accessor.count
+    width, count = WIDTHS[accessor.type], accessor.count
     if not isinstance(count, int) or count < 1:
         raise file.error(f"{what} has {str(count)[:40]} elements; expected at least 1.")
-    data = buffer_view_bytes(file, accessor.bufferView, what)
+    data = file.view_bytes(accessor.bufferView, what)
     size = dtype.itemsize * width
     stride = file.gltf.bufferViews[accessor.bufferView].byteStride or size
     offset = accessor.byteOffset or 0
@@ -234,7 +229,7 @@ def _sparse_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
     if accessor.bufferView is not None:
         values = _accessor_values(file, accessor, what).copy()
     elif isinstance(count, int) and 0 < count <= MAX_SPARSE:
-        values = np.zeros((count, _WIDTHS[accessor.type]), np.dtype(kind).newbyteorder("<"))
+        values = np.zeros((count, WIDTHS[accessor.type]), np.dtype(kind).newbyteorder("<"))
     else:
         raise file.error(f"{what} has {str(count)[:40]} elements; expected 1 to {MAX_SPARSE}.")
     sparse = accessor.sparse
@@ -249,76 +244,3 @@ def _sparse_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
         raise file.error(f"{what} has sparse values beyond its {len(values)} elements.")
     values[rows[:, 0]] = others
     return values
-
-
-def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
-    """All nodes with parents before their children, and the parent of each node, -1 at roots. FileError."""
-    nodes = file.gltf.nodes or []
-    parents = [-1] * len(nodes)
-    for i, node in enumerate(nodes):
-        for child in node.children or []:
-            known = isinstance(child, int) and 0 <= child < len(nodes) and child != i
-            if not known or parents[child] >= 0:
-                raise file.error(f"the children of node {i} do not form a tree.")
-            parents[child] = i
-    order = [i for i, parent in enumerate(parents) if parent < 0]
-    for i in order:  # which grows meanwhile
-        order.extend(nodes[i].children or [])
-    if len(order) < len(nodes):
-        first = min(set(range(len(nodes))) - set(order))
-        raise file.error(f"the node hierarchy has a cycle at node {first}.")
-    return order, parents
-
-
-def skeleton_nodes(file: GltfFile, order: list[int], parents: list[int]) -> set[int]:
-    """Nodes of an animated skeleton: those of skins, those that move, and what lies between; `ancestors` has the others."""
-    wanted = {node for skin in file.gltf.skins or [] for node in skin.joints}
-    wanted |= {channel.target.node for animation in file.gltf.animations for channel in animation.channels}
-    for node in reversed(order):
-        above = parents[node]
-        if node in wanted and above >= 0 and parents[above] >= 0:
-            wanted.add(above)
-    return wanted
-
-
-def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> list[int]:
-    """For each node the nearest of the `wanted` ones among itself and its ancestors, -1 where there is none."""
-    nearest = [-1] * len(parents)
-    for i in order:
-        nearest[i] = i if i in wanted else nearest[parents[i]] if parents[i] >= 0 else -1
-    return nearest
-
-
-def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) -> AnyArray:
-    """Rest transforms `(nodes, 4, 4)` in scene space, float64, of nodes as `ancestors` gives them."""
-    world, local = np.zeros((len(parents), 4, 4)), local_matrices(file)
-    for i in order:
-        world[i] = local[i] if parents[i] < 0 else world[parents[i]] @ local[i]
-    if not np.all(np.abs(world) < MAX_VALUE):
-        raise file.error(f"its nodes lie further than {MAX_VALUE:.0e} away.")
-    return world
-
-
-def local_matrices(file: GltfFile) -> AnyArray:
-    """Every node's transform in its parent's space `(nodes, 4, 4)`."""
-
-    def values(name: str, default: tuple[float, ...]) -> AnyArray:
-        given = [default if (value := node.get(name)) is None else value for node in nodes]
-        rows = np.zeros((len(nodes), len(default)))
-        for i, value in enumerate(given):
-            array = np.array(value, np.float64)
-            if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
-                raise file.error(f"the {name} of node {i} is not {len(default)} finite numbers.")
-            rows[i] = array
-        return rows
-
-    nodes = file.gltf.nodes
-    matrices = values("matrix", tuple(np.eye(4).ravel())).reshape(-1, 4, 4).transpose(0, 2, 1)
-    turns = rotations.to_matrix(
-        rotations.normalize(values("rotation", (0.0, 0.0, 0.0, 1.0))[:, [3, 0, 1, 2]])
-    )
-    parts = np.tile(np.eye(4), (len(nodes), 1, 1))
-    parts[:, :3, :3] = turns * values("scale", (1.0, 1.0, 1.0))[:, None]
-    parts[:, :3, 3] = values("translation", (0.0, 0.0, 0.0))
-    whole = np.array([node.get("matrix") is not None for node in nodes])
-    return np.where(whole[:, None, None], matrices, parts)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 
 import numpy as np
 
 from runtime.arrays import AnyArray
-from runtime.character.bodies import Nodes
 from runtime.character.mesh import skin_joints
-from runtime.character.read import nearest_of
+from runtime.character.nodes import Nodes
 
 MAX_BIND_MATRICES = 50_000
 LEAST_TO_AGREE = 3  # joints of a skin that can tell its space
@@ -21,25 +21,14 @@ Pose = dict[int, AnyArray]  # matrices (4, 4) of joints in the world, by node
 
 
 def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
-    """Transforms `(joints, 4, 4)` in the world at rest: the bind pose where skins tell it, else the nodes as they stand.
+    """Return transforms `(joints, 4, 4)` at rest: the bind pose where skins tell it, else the nodes as they stand.
 
     Each skin tells it in a space of its own (`_space`). What no skin tells lies to the joint above it, or below, as the
     nodes do. FileError where bones of a skin and of the nodes differ in length.
     """
-    rest, told, spaces, wanted = nodes.rest, Pose(), list[AnyArray](), set(joints)
-    skins = nodes.file.gltf.skins or []
-    if sum(len(skin.joints) for skin in skins) > MAX_BIND_MATRICES:
-        raise nodes.file.error(f"more than {MAX_BIND_MATRICES} bind matrices.", REMEDY)
-    for skin in sorted(range(len(skins)), key=lambda skin: -len(skins[skin].joints)):
-        bound = _bound(nodes, skin, wanted)
-        members = [node for node in nodes.order if node in bound]
-        bind = np.array([bound[node] for node in members]).reshape(-1, 4, 4)
-        space = _space(nodes, skin, members, bind, spaces, told) if members else None
-        if space is not None:
-            spaces.append(space)
-            told = dict(zip(members, space @ bind, strict=True)) | told
+    rest = nodes.rest
     # from where a node stands to where it was bound
-    moved = {node: matrix @ np.linalg.inv(rest[node]) for node, matrix in told.items()}
+    moved = {node: matrix @ np.linalg.inv(rest[node]) for node, matrix in _told(nodes, set(joints)).items()}
     if not moved:
         return np.asarray(rest[list(joints)])
     for node in nodes.with_ancestors(moved)[::-1]:
@@ -49,15 +38,30 @@ def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
     return np.array([moved[joint] @ rest[joint] for joint in joints])
 
 
+def _told(nodes: Nodes, wanted: set[int]) -> Pose:
+    """The bind pose of wanted joints in the world, as far as skins tell it: those with most joints are believed first."""
+    told, spaces, skins = Pose(), list[AnyArray](), nodes.file.gltf.skins or []
+    if sum(len(skin.joints) for skin in skins) > MAX_BIND_MATRICES:
+        raise nodes.file.error(f"more than {MAX_BIND_MATRICES} bind matrices.", REMEDY)
+    for skin in sorted(range(len(skins)), key=lambda skin: -len(skins[skin].joints)):
+        bound = _bound(nodes, skin, wanted)
+        members, bind = list(bound), np.array([*bound.values()])
+        space = _space(nodes, skin, members, bind, spaces, told) if members else None
+        if space is not None:
+            spaces.append(space)
+            told = dict(zip(members, space @ bind, strict=True)) | told
+    return told
+
+
 def _bound(nodes: Nodes, skin: int, wanted: set[int]) -> Pose:
-    """Bind matrices of those joints of a skin that are wanted, in its own space; none of a skin that tells none."""
+    """Bind matrices of those joints of a skin that are wanted, parents first, in its own space; none of a skin that tells none."""
     if nodes.file.gltf.skins[skin].inverseBindMatrices is None:
         return {}
     joints, inverse = skin_joints(nodes.file, skin)
     inverse = inverse[: len(joints)].astype(np.float64)
     usable = np.flatnonzero(np.abs(np.linalg.det(inverse)) > 1e-15)
-    found = zip(usable, np.linalg.inv(inverse[usable]), strict=True)
-    return {joints[k]: matrix for k, matrix in found if joints[k] in wanted}
+    found = {joints[k]: matrix for k, matrix in zip(usable, np.linalg.inv(inverse[usable]), strict=True)}
+    return {node: found[node] for node in nodes.order if node in wanted and node in found}
 
 
 def _space(
@@ -70,40 +74,51 @@ def _space(
     are as long as those of the nodes the one that moves joints least. Else the uppermost joint stands as it was bound.
     None where that cannot be known. FileError where no space makes bones as long as those of the nodes.
     """
-    at = nodes.rest[members]
-    if len(members) >= LEAST_TO_AGREE:
-        if np.ptp(bind[:, :3, 3], axis=0).max() <= ALIKE_FRACTION * np.abs(bind[:, :3, :3]).max():
-            return None  # matrices that tell nothing
-        found = at @ np.linalg.inv(bind)
-        apart = np.einsum("kab,jb->kja", found[:, :3], bind[:, :, 3]) - at[None, :, :3, 3]
-        size = max(float(np.linalg.norm(np.ptp(at[:, :3, 3], axis=0))), 1e-9)
-        agreeing = (np.abs(apart).max(axis=-1) < ALIKE_FRACTION * size).sum(axis=1)
-        if 2 * agreeing.max() > len(members):
-            return np.asarray(found[int(np.argmax(agreeing))])
-    # the node above the joints, those that show the skin, and those above them
-    shown = [node for node in nodes.order if nodes.entry(node).skin == skin]
-    above = (nodes.parents[node] for node in (members[0], *shown))
-    holding = nodes.rest[[node for node in (*shown, *above) if node >= 0]]
-    fitting = [
-        space
-        for space in (*spaces, *holding, np.eye(4))
-        if _stretch(nodes, members, space @ bind, told)[0] < SAME_LENGTH_FACTOR
-    ]
+    at, agree = nodes.rest[members], len(members) >= LEAST_TO_AGREE
+    if agree and np.ptp(bind[:, :3, 3], axis=0).max() <= ALIKE_FRACTION * np.abs(bind[:, :3, :3]).max():
+        return None  # matrices that tell nothing
+    agreed = _agreed(at, bind) if agree else None
+    if agreed is not None:
+        return agreed
+    candidates = (*spaces, *_holding(nodes, skin, members[0]), np.eye(4))
+    stretches = [_stretch(nodes, members, space @ bind, told)[0] for space in candidates]
+    fitting = list(compress(candidates, np.array(stretches) < SAME_LENGTH_FACTOR))
     if fitting:
         return min(fitting, key=lambda space: _moved(space @ bind, at))
-    if told and len(members) < LEAST_TO_AGREE:
+    if told and not agree:
         return None
-    space = at[0] @ np.linalg.inv(bind[0])
+    return _as_bound(nodes, members, bind, told)
+
+
+def _as_bound(nodes: Nodes, members: list[int], bind: AnyArray, told: Pose) -> AnyArray:
+    """The space in which the uppermost joint stands as it was bound."""
+    space = nodes.rest[members[0]] @ np.linalg.inv(bind[0])
     stretch, problem = _stretch(nodes, members, space @ bind, told)
     if stretch > MAX_STRETCH_FACTOR:
         raise nodes.file.error(problem, REMEDY)
     return np.asarray(space)
 
 
+def _agreed(at: AnyArray, bind: AnyArray) -> AnyArray | None:
+    """The space in which more than half of the joints stand `at` `(n, 4, 4)` as they are bound; None without one."""
+    found = at @ np.linalg.inv(bind)
+    apart = np.einsum("kab,jb->kja", found[:, :3], bind[:, :, 3]) - at[None, :, :3, 3]
+    size = max(float(np.linalg.norm(np.ptp(at[:, :3, 3], axis=0))), 1e-9)
+    agreeing = (np.abs(apart).max(axis=-1) < ALIKE_FRACTION * size).sum(axis=1)
+    return np.asarray(found[int(np.argmax(agreeing))]) if 2 * agreeing.max() > len(at) else None
+
+
+def _holding(nodes: Nodes, skin: int, first: int) -> AnyArray:
+    """Where the nodes `(n, 4, 4)` are that show a skin, those above them, and the one above its first joint."""
+    shown = [node for node in nodes.order if nodes.entry(node).skin == skin]
+    above = (nodes.parents[node] for node in (first, *shown))
+    return nodes.rest[[node for node in (*shown, *above) if node >= 0]]
+
+
 def _stretch(nodes: Nodes, members: list[int], worlds: AnyArray, told: Pose) -> tuple[float, str]:
     """Return the factor by which bones at `worlds` differ in length from those of the nodes, and a sentence about the longest."""
     here = told | dict(zip(members, worlds, strict=True))
-    nearest = nearest_of(nodes.order, nodes.parents, here)
+    nearest = nodes.nearest(here)
     pairs = [(nearest[nodes.parents[node]], node) for node in members if nodes.parents[node] >= 0]
     pairs = [(above, node) for above, node in pairs if above >= 0]
     lengths = np.array([np.linalg.norm(nodes.rest[b, :3, 3] - nodes.rest[a, :3, 3]) for a, b in pairs])

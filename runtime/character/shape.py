@@ -31,16 +31,15 @@ class BodyShape:
     head: float = 1.0
 
     def check(self) -> None:
-        """UsageError names the share that no body has."""
+        """Check the shares; UsageError names the one that no body has."""
         for name, value in vars(self).items():
             if not MIN_FACTOR <= value <= MAX_FACTOR:
-                raise UsageError(
-                    f" {value:g}: expected {MIN_FACTOR:g} to {MAX_FACTOR:g} of the {name}.", "Try 1.", name
-                )
+                problem = f" {value:g}: expected {MIN_FACTOR:g} to {MAX_FACTOR:g} of the {name}."
+                raise UsageError(problem, "Try 1.", name)
 
 
 def shaped(character: Character, shape: BodyShape) -> Character:
-    """The mannequin, a character on exactly our skeleton, in another shape; it has its own size. UsageError.
+    """Return the mannequin, a character on exactly our skeleton, in another shape; it has its own size. UsageError.
 
     Limbs grow about their joints along their bones, and thicker by less.
     """
@@ -78,7 +77,7 @@ def shaped(character: Character, shape: BodyShape) -> Character:
 
 
 def shaped_file(shape: BodyShape, folder: Path) -> Path:
-    """The mannequin in a shape as a GLB file in `folder`: a character as any other. UsageError, FileError."""
+    """Return the mannequin in a shape as a GLB file in `folder`: a character as any other. UsageError, FileError."""
     shares = "-".join(f"{100 * value:.0f}" for value in (shape.height, shape.legs, shape.shoulders))
     path = folder / f"mannequin-{shares}.glb"
     if not path.exists():

@@ -41,7 +41,7 @@ class SkinnedMesh(Surface):
     size: float = 1.0  # metres of a metre of ours in its own size; drawn in ours, see `Terrain.seen_by`
 
     def joint_transforms(self, positions: AnyArray, world_rotations: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Pivots `(..., K, 3)` and turns from the rest pose `(..., K, 4)` of the character's joints in a SPORT pose.
+        """Return pivots `(..., K, 3)` and turns from rest `(..., K, 4)` of the character's joints in a SPORT pose.
 
         `positions` `(..., 31, 3)` and `world_rotations` `(..., 31, 4)` are the pose's joints, any leading shape.
         """
@@ -70,7 +70,7 @@ class SkinnedMesh(Surface):
         return middle + lift + rotations.rotate(hips_turn, self.alignment.hips_offset)
 
     def joint_matrices(self, positions: AnyArray, world_rotations: AnyArray) -> AnyArray:
-        """World matrices `(..., K, 4, 4)` of the joints in a SPORT pose given as in `joint_transforms`."""
+        """Return world matrices `(..., K, 4, 4)` of the joints in a SPORT pose given as in `joint_transforms`."""
         pivots, turns = self.joint_transforms(positions, world_rotations)
         matrices = np.zeros((*pivots.shape[:-1], 4, 4), np.float32)
         matrices[..., :3, :3] = rotations.to_matrix(turns) @ self.alignment.basis
@@ -88,6 +88,6 @@ class SkinnedMesh(Surface):
 
 
 def skin_vertices(mesh: SkinnedMesh, matrices: AnyArray) -> AnyArray:
-    """Vertices `(V, 3)` skinned on the CPU by `matrices` `(K, 4, 4)`."""
+    """Return vertices `(V, 3)` skinned on the CPU by `matrices` `(K, 4, 4)`."""
     blended = np.einsum("vi,vijk->vjk", mesh.joint_weights, matrices[mesh.joint_indices, :3])
     return np.einsum("vjk,vk->vj", blended[..., :3], mesh.positions) + blended[..., 3]

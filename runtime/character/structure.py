@@ -35,8 +35,12 @@ class _Leg:
         return self.tip if self.foot < 0 else self.foot
 
 
+Legs = tuple[_Leg, ...]  # two of them
+Arms = tuple[list[int], list[int]]  # the joints of each, from the chest out
+
+
 def guess_by_structure(tree: JointTree, vertices: AnyArray) -> dict[str, int]:
-    """SPORT joint -> index by tree and rest pose; empty where no upright body with two legs and arms is seen.
+    """Guess the index of each SPORT joint by tree and rest pose; empty where no upright body with two legs and arms is seen.
 
     `vertices` `(V, 3)` are the mesh in that pose. Sides go by where the feet point.
     """
@@ -65,9 +69,9 @@ def leg_count(tree: JointTree) -> int:
     return sum(len(legs) for _, legs in _leg_forks(tree))
 
 
-def _leg_forks(tree: JointTree) -> list[tuple[int, tuple[_Leg, ...]]]:
+def _leg_forks(tree: JointTree) -> list[tuple[int, Legs]]:
     """Joints from which legs go down, each with two of them."""
-    forks: list[tuple[int, tuple[_Leg, ...]]] = []
+    forks: list[tuple[int, Legs]] = []
     taken: set[int] = set()
     for joint in reversed(tree.order):  # the deepest first
         legs = [leg for child in tree.children[joint] if (leg := _leg(tree, child, taken)) is not None]
@@ -78,9 +82,7 @@ def _leg_forks(tree: JointTree) -> list[tuple[int, tuple[_Leg, ...]]]:
     return _in_the_middle(tree, forks)
 
 
-def _in_the_middle(
-    tree: JointTree, forks: list[tuple[int, tuple[_Leg, ...]]]
-) -> list[tuple[int, tuple[_Leg, ...]]]:
+def _in_the_middle(tree: JointTree, forks: list[tuple[int, Legs]]) -> list[tuple[int, Legs]]:
     """Keep the forks whose legs stand on both sides of one plane; two fingers of a hand are no legs."""
     if len(forks) < 2:
         return forks
@@ -123,7 +125,7 @@ def _loose_foot(tree: JointTree, top: int, tip: int, limit: float) -> int:
     return -1
 
 
-def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> tuple[_Leg, ...] | None:
+def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> Legs | None:
     """The two legs most like each other that stand side by side."""
     best, least = None, TOLERANCE * tree.size
     for i, a in enumerate(legs):
@@ -136,14 +138,14 @@ def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> tuple[_Leg, ...] | N
     return best
 
 
-def _across(tree: JointTree, legs: tuple[_Leg, ...]) -> AnyArray:
+def _across(tree: JointTree, legs: Legs) -> AnyArray:
     """Unit direction over the ground from the second leg to the first."""
     first, second = (_leg_joints(tree, leg, tree.parents[leg.top])["UpLeg"] for leg in legs)
     gap = (tree.positions[first] - tree.positions[second]) * (1.0, 0.0, 1.0)
     return np.asarray(gap / max(float(np.linalg.norm(gap)), 1e-9))
 
 
-def _left(tree: JointTree, legs: tuple[_Leg, ...], vertices: AnyArray) -> AnyArray:
+def _left(tree: JointTree, legs: Legs, vertices: AnyArray) -> AnyArray:
     """The direction of the character's left: up times where its toes, or the vertices of its feet, point."""
     across = _across(tree, legs)
     forward = np.zeros(3)
@@ -172,12 +174,9 @@ def _leg_joints(tree: JointTree, leg: _Leg, hips: int) -> dict[str, int]:
     first = next((i for i in range(ankle - 1) if offset[i] > 0.15 * offset[ankle]), 0)
     knee = max(range(first + 1, ankle), key=lambda i: _shorter(tree, chain[first], chain[i], chain[ankle]))
     reach = tree.along(chain[first : knee + 1])
-    near = [
-        i
-        for i, share in enumerate(reach / max(float(reach[-1]), 1e-9))
-        if BUTTOCK_FRACTIONS[0] < share < BUTTOCK_FRACTIONS[1]
-    ]
-    first += near[-1] if near else 0  # a short bone before the thigh
+    shares, (least, most) = reach / max(float(reach[-1]), 1e-9), BUTTOCK_FRACTIONS
+    near = np.flatnonzero((least < shares) & (shares < most))
+    first += int(near[-1]) if len(near) else 0  # a short bone before the thigh
     joints = {"UpLeg": chain[first], "Leg": chain[knee], "Foot": chain[ankle]}
     ahead = np.hypot(*(at[ankle + 1 :] - at[ankle])[:, [0, 2]].T)
     toe = np.flatnonzero(ahead > TOE_FRACTION * tree.size)
@@ -191,20 +190,20 @@ def _shorter(tree: JointTree, a: int, b: int, c: int) -> float:
     return min(tree.distance(a, b), tree.distance(b, c))
 
 
-def _arms(
-    tree: JointTree, hips: int, legs: tuple[_Leg, ...], across: AnyArray
-) -> tuple[int, tuple[list[int], list[int]]]:
+def _arms(tree: JointTree, hips: int, legs: Legs, across: AnyArray) -> tuple[int, Arms]:
     """The joint where the arms fork, and the chain of each arm to its farthest end; -1 where there are none."""
     middle = 0.5 * (tree.positions[legs[0].top] + tree.positions[legs[1].top])
     in_legs = _joints_in_legs(tree, legs)
     top = _trunk_root(tree, hips, in_legs)
-    ends = [joint for joint in tree.under(top) if not tree.children[joint] and joint not in in_legs]
-    ends = [joint for joint in ends if len(tree.chain(top, joint)) > 3]
-    nothing: tuple[int, tuple[list[int], list[int]]] = (-1, ([], []))
-    if not ends:
+    out = {
+        joint: float((tree.positions[joint] - middle) @ across)
+        for joint in tree.ends_under(top)
+        if joint not in in_legs and len(tree.chain(top, joint)) > 3
+    }
+    nothing: tuple[int, Arms] = (-1, ([], []))
+    if not out:
         return nothing
-    out = {joint: float((tree.positions[joint] - middle) @ across) for joint in ends}
-    first, second = max(out, key=lambda j: out[j]), min(out, key=lambda j: out[j])
+    first, second = max(out, key=out.__getitem__), min(out, key=out.__getitem__)
     chest = tree.meeting(first, second)
     if chest < 0 or min(out[first], -out[second]) < 0.1 * tree.size:
         return nothing
@@ -215,7 +214,7 @@ def _arms(
     return (chest, arms) if above else nothing
 
 
-def _joints_in_legs(tree: JointTree, legs: tuple[_Leg, ...]) -> set[int]:
+def _joints_in_legs(tree: JointTree, legs: Legs) -> set[int]:
     return {joint for leg in legs for joint in (*tree.under(leg.top), leg.foot)}
 
 
@@ -266,12 +265,7 @@ def _wrist(tree: JointTree, chain: list[int], share: AnyArray) -> int:
 
 
 def _trunk(
-    tree: JointTree,
-    hips: int,
-    chest: int,
-    legs: tuple[_Leg, ...],
-    arms: tuple[list[int], list[int]],
-    vertices: AnyArray,
+    tree: JointTree, hips: int, chest: int, legs: Legs, arms: Arms, vertices: AnyArray
 ) -> dict[str, int]:
     """Spine, neck and head."""
     found: dict[str, int] = {}

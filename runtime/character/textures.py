@@ -11,14 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import AnyArray
 from runtime.character.native import decode
-from runtime.character.read import (
-    STRUCTURE_ERRORS,
-    Entry,
-    GltfFile,
-    buffer_view_bytes,
-    read_accessor,
-    read_uri,
-)
+from runtime.character.read import STRUCTURE_ERRORS, Entry, GltfFile, read_uri
 from runtime.safe_read import reason
 
 if TYPE_CHECKING:
@@ -35,7 +28,7 @@ REMEDY = "Export textures as PNG or JPEG."
 
 
 def texture_source(texture: Any) -> Any:
-    """The number of a texture's image: its own, or that of an extension for WebP or KTX2; None without one."""
+    """Return the number of a texture's image: its own, or that of an extension for WebP or KTX2; None without one."""
     if texture.source is not None:
         return texture.source
     named = texture.extensions or {}
@@ -43,14 +36,14 @@ def texture_source(texture: Any) -> Any:
 
 
 def image_bytes(file: GltfFile, image: Any, what: str) -> bytes:
-    """The bytes of an image of a file; FileError where they are missing."""
+    """Return the bytes of an image of a file; FileError where they are missing."""
     if image.uri is not None:
         return read_uri(file.path, image.uri, "image")
-    return bytes(buffer_view_bytes(file, image.bufferView, what))
+    return bytes(file.view_bytes(image.bufferView, what))
 
 
 def open_image(data: bytes, file: GltfFile, what: str) -> Image:
-    """An image of the four kinds, not yet decoded but for KTX2; FileError for others, or for one that is too large.
+    """Open an image of the four kinds, not decoded but for KTX2; FileError for others, or for one that is too large.
 
     What Pillow raises for a damaged one is left to the caller.
     """
@@ -83,7 +76,7 @@ def _ktx2(data: bytes, file: GltfFile, what: str) -> Image:
 
 
 def primitive_colors(file: GltfFile, textures: Textures, primitive: Entry, what: str, count: int) -> AnyArray:
-    """Linear RGB `(count, 3)` of a primitive's vertices."""
+    """Return linear RGB `(count, 3)` of a primitive's vertices."""
     surface = _surface(file, primitive, what)
     color = np.ones((count, 3), np.float32)
     if surface.baseColorFactor is not None:
@@ -91,7 +84,7 @@ def primitive_colors(file: GltfFile, textures: Textures, primitive: Entry, what:
     if surface.baseColorTexture is not None:
         color *= _texture_colors(file, textures, primitive, surface.baseColorTexture, what, count)
     if primitive.attributes.COLOR_0 is not None:
-        values = read_accessor(file, primitive.attributes.COLOR_0, f"COLOR_0 of {what}")
+        values = file.values(primitive.attributes.COLOR_0, f"COLOR_0 of {what}")
         if len(values) != count or values.shape[1] not in (3, 4):
             raise file.error(f"COLOR_0 of {what} does not fit its {count} vertices.")
         color *= values[:, :3]
@@ -115,7 +108,7 @@ def _texture_colors(
     channel = getattr(primitive.attributes, f"TEXCOORD_{info.texCoord or 0}", None)
     if channel is None:
         return np.ones((count, 3), np.float32)
-    uv = read_accessor(file, channel, f"texture coordinates of {what}").astype(np.float64)
+    uv = file.values(channel, f"texture coordinates of {what}").astype(np.float64)
     if uv.shape != (count, 2):
         raise file.error(f"the texture coordinates of {what} do not fit its {count} vertices.")
     pixels = textures.pixels(info.index)
@@ -125,12 +118,12 @@ def _texture_colors(
 
 
 def linear(srgb: AnyArray) -> AnyArray:
-    """sRGB colours of any shape as linear ones, float32."""
+    """Convert sRGB colours of any shape to linear ones, float32."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def srgb(linear: AnyArray) -> AnyArray:
-    """Linear colours of any shape as sRGB."""
+    """Convert linear colours of any shape to sRGB."""
     linear = np.clip(linear, 0.0, 1.0)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
 
@@ -144,7 +137,7 @@ class Textures:
         self._left = MAX_PIXELS
 
     def pixels(self, texture: Any) -> NDArray[np.uint8]:
-        """sRGB pixels `(H, W, 3)` of a texture's image."""
+        """Return sRGB pixels `(H, W, 3)` of a texture's image."""
         textures, images = self._file.gltf.textures or [], self._file.gltf.images or []
         if not isinstance(texture, int) or not 0 <= texture < len(textures):
             raise self._file.error(f"texture {str(texture)[:40]} is missing.", REMEDY)

@@ -1,8 +1,8 @@
-"""A joint hierarchy in its rest pose, with its chains, leaves and extents."""
+"""Hierarchies: what hangs on what, and joints in a rest pose with their chains, leaves and extents."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Container, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,24 +10,75 @@ import numpy as np
 from runtime.arrays import AnyArray
 
 
-class JointTree:
-    """Joints by index with their parents (-1 at roots) and positions `(K, 3)`, Y up."""
+def ancestors(parents: Sequence[int], node: int) -> list[int]:
+    """Return a node and those above it, the root last; the parent of a root is -1."""
+    found = [node]
+    while parents[found[-1]] >= 0:
+        found.append(parents[found[-1]])
+    return found
 
-    def __init__(self, parents: Sequence[int], positions: AnyArray) -> None:
+
+class Tree:
+    """Nodes by number with their parents (-1 at roots) and children."""
+
+    def __init__(self, parents: Sequence[int], children: list[list[int]] | None = None) -> None:
+        """Without `children` those of a node are in the order of their numbers."""
         self.parents = tuple(parents)
-        self.positions = np.asarray(positions, np.float64)
-        self.children: list[list[int]] = [[] for _ in self.parents]
-        for joint, parent in enumerate(self.parents):
+        self.children = [[] for _ in self.parents] if children is None else children
+        for node, parent in enumerate(self.parents if children is None else ()):
             if parent >= 0:
-                self.children[parent].append(joint)
+                self.children[parent].append(node)
 
     @cached_property
     def order(self) -> list[int]:
-        """Parents before their children."""
-        order = [joint for joint, parent in enumerate(self.parents) if parent < 0]
-        for joint in order:  # which grows meanwhile
-            order.extend(self.children[joint])
+        """The nodes, parents before their children."""
+        order = [node for node, parent in enumerate(self.parents) if parent < 0]
+        for node in order:  # which grows meanwhile
+            order.extend(self.children[node])
         return order
+
+    def under(self, top: int) -> list[int]:
+        """Return a node and all below it, parents first."""
+        found = [top]
+        for node in found:  # which grows meanwhile
+            found.extend(self.children[node])
+        return found
+
+    def ancestors(self, node: int) -> list[int]:
+        """Return a node and those above it, the root last."""
+        return ancestors(self.parents, node)
+
+    def with_ancestors(self, nodes: Collection[int]) -> list[int]:
+        """Return some nodes and all above them, parents first."""
+        wanted = set(nodes)
+        for node in reversed(self.order):
+            if node in wanted:
+                wanted.add(self.parents[node])
+        return [node for node in self.order if node in wanted]
+
+    def nearest(self, wanted: Container[int]) -> list[int]:
+        """Return, for each node, the nearest of the `wanted` ones among itself and its ancestors, -1 where there is none."""
+        nearest = [-1] * len(self.parents)
+        for node in self.order:
+            parent = self.parents[node]
+            nearest[node] = node if node in wanted else nearest[parent] if parent >= 0 else -1
+        return nearest
+
+    def counts(self, nodes: Collection[int]) -> list[int]:
+        """Return, for each node, how many of some nodes are in its branch."""
+        below = [int(node in nodes) for node in range(len(self.parents))]
+        for node in reversed(self.order):
+            if self.parents[node] >= 0:
+                below[self.parents[node]] += below[node]
+        return below
+
+
+class JointTree(Tree):
+    """Joints of a body in its rest pose, at positions `(K, 3)`, Y up."""
+
+    def __init__(self, parents: Sequence[int], positions: AnyArray) -> None:
+        super().__init__(parents)
+        self.positions = np.asarray(positions, np.float64)
 
     @cached_property
     def ends(self) -> list[int]:
@@ -36,7 +87,7 @@ class JointTree:
 
     @cached_property
     def heights(self) -> list[int]:
-        """For each joint how many joints lie on its longest way down."""
+        """The number of joints on the longest way down from each joint."""
         below = [0] * len(self.parents)
         for joint in reversed(self.order):
             below[joint] = max((below[child] + 1 for child in self.children[joint]), default=0)
@@ -52,32 +103,21 @@ class JointTree:
         """Height of the joints, from the lowest to the highest one."""
         return max(float(np.ptp(self.positions[:, 1])), 1e-9)
 
-    def under(self, joint: int) -> list[int]:
-        """A joint and all that hang on it."""
-        found = [joint]
-        for each in found:
-            found.extend(self.children[each])
-        return found
-
     def chain(self, top: int, tip: int) -> list[int]:
-        """The joints from `top` down to `tip`, both included."""
+        """Return the joints from `top` down to `tip`, both included."""
         above = self.ancestors(tip)
         return above[above.index(top) :: -1]
 
-    def lowest(self, top: int) -> int:
-        """The lowest end of a branch."""
-        ends = [joint for joint in self.under(top) if not self.children[joint]]
-        return min(ends, key=lambda joint: float(self.positions[joint, 1]))
+    def ends_under(self, top: int) -> list[int]:
+        """Return the joints of a branch that carry no other."""
+        return [joint for joint in self.under(top) if not self.children[joint]]
 
-    def ancestors(self, joint: int) -> list[int]:
-        """A joint and those above it, the root last."""
-        found = [joint]
-        while self.parents[found[-1]] >= 0:
-            found.append(self.parents[found[-1]])
-        return found
+    def lowest(self, top: int) -> int:
+        """Return the lowest end of a branch."""
+        return min(self.ends_under(top), key=lambda joint: float(self.positions[joint, 1]))
 
     def meeting(self, a: int, b: int) -> int:
-        """The lowest joint above both, -1 where they hang on different roots."""
+        """Return the lowest joint above both, -1 where they hang on different roots."""
         above = set(self.ancestors(a))
         return next((joint for joint in self.ancestors(b) if joint in above), -1)
 

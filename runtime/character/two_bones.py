@@ -14,7 +14,7 @@ GIVES_WAY_M = 0.005  # pull on the middle joint of a limb that is straight
 def bend(
     top: AnyArray, middle: AnyArray, end: AnyArray, target: AnyArray, toward: AnyArray
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """World rotations of both bones that bring the end of a limb to `target`, and where it comes to lie.
+    """Return world rotations of both bones that bring the end of a limb to `target`, and where it comes to lie.
 
     All `(..., 3)`. The limb stays in its plane; a straight one bends `toward`.
     """

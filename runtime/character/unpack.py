@@ -29,11 +29,11 @@ _REMEDY = "Export it without mesh compression."
 COMPONENTS: dict[int, type] = {
     5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32,
 }  # fmt: skip
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}  # numbers of an element
 
 
 def unpack(path: Path, gltf: Any, buffers: list[memoryview]) -> list[memoryview]:
-    """Buffers with what was unpacked behind them; the document names plain accessors then. FileError."""
+    """Unpack compressed meshes into buffers behind the others; the document names plain accessors then. FileError."""
     packed = {DRACO, *MESHOPT}
     if packed.isdisjoint(map(str, gltf.extensionsUsed or [])):
         return buffers
@@ -92,25 +92,28 @@ def _check_meshopt(view: Any, packed: Any) -> None:
     mode, count, stride = packed.mode, packed.count, packed.byteStride
     strides = STRIDES.get((mode, packed.filter or "NONE"), ())
     if type(stride) is not int or stride not in strides:
-        raise ValueError(
-            f"mode {str(mode)[:20]}, filter {str(packed.filter)[:20]}, byteStride {str(stride)[:20]}"
-        )
+        problem = f"mode {str(mode)[:20]}, filter {str(packed.filter)[:20]}, byteStride {str(stride)[:20]}"
+        raise ValueError(problem)
     if type(count) is not int or count < 1 or (mode == "TRIANGLES" and count % 3):
         raise ValueError(f"count {str(count)[:20]}")
     if view.byteLength != count * stride:
         raise ValueError("the size of a buffer view is not that of its elements")
 
 
+def _draco_primitives(gltf: Any) -> list[Any]:
+    return [p for mesh in gltf.meshes or [] for p in mesh.primitives if DRACO in (p.extensions or {})]
+
+
 def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
     """The attributes and indices of every compressed primitive become accessors with buffers of their own."""
-    primitives = [p for mesh in gltf.meshes or [] for p in mesh.primitives if DRACO in (p.extensions or {})]
+    primitives = _draco_primitives(gltf)
     if not primitives:
         return
     size, wanted = 0, dict[int, set[int]]()  # bytes of four for a number; attributes of each buffer view
     for primitive in primitives:
         packed = primitive.extensions[DRACO]
         for k in (primitive.indices, *(primitive.attributes[name] for name in packed.attributes)):
-            size += 4 * _WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count
+            size += 4 * WIDTHS[gltf.accessors[k].type] * gltf.accessors[k].count
         wanted.setdefault(packed.bufferView, set()).update(map(int, packed.attributes.values()))
     _check_size(path, size)
     parts = {view: _part(buffers, gltf.bufferViews[view]) for view in wanted}
@@ -129,7 +132,7 @@ def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
 def _set_accessor(gltf: Any, buffers: list[memoryview], index: int, values: AnyArray) -> None:
     """Give an accessor its values, in a buffer of their own."""
     accessor = gltf.accessors[index]
-    values = values.reshape(-1, _WIDTHS[accessor.type])
+    values = values.reshape(-1, WIDTHS[accessor.type])
     values = np.ascontiguousarray(values, COMPONENTS[accessor.componentType])
     buffers.append(memoryview(values.tobytes()))
     gltf.bufferViews.append(type(gltf)(buffer=len(buffers) - 1, byteOffset=0, byteLength=values.nbytes))

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from runtime import rotations
-from runtime.arrays import AnyArray
 from runtime.character.character import Character
 from runtime.character.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
 
@@ -35,29 +34,22 @@ def write_character(path: str | Path, character: Character, name: str = "charact
     inverse = character.inverse_bind.astype(np.float32).transpose(0, 2, 1).reshape(-1, 16)
     inverse[:, [3, 7, 11]], inverse[:, 15] = 0.0, 1.0  # the format wants the last row exact
     gltf.skins = [g.Skin(inverseBindMatrices=buffer.add(inverse), joints=list(range(count)))]
-    translations, quaternions, scales = local_transforms(character, character.rest_world)
+    parents, local = np.array(character.joint_parents), character.rest_world.astype(np.float64)
+    inner = np.flatnonzero(parents >= 0)
+    local[inner] = np.linalg.inv(local[parents[inner]]) @ local[inner]
+    scales = np.linalg.norm(local[:, :3, :3], axis=-2)
+    quaternions = rotations.from_matrix(local[:, :3, :3] / np.maximum(scales[:, None, :], 1e-12))
     gltf.nodes = [
         g.Node(
             name=character.joint_names[k],
-            children=[child for child, parent in enumerate(character.joint_parents) if parent == k],
-            translation=translations[k].tolist(),
+            children=np.flatnonzero(parents == k).tolist(),
+            translation=local[k, :3, 3].tolist(),
             rotation=quaternions[k][[1, 2, 3, 0]].tolist(),
             scale=None if np.allclose(scales[k], 1.0, atol=1e-5) else scales[k].tolist(),
         )
         for k in range(count)
     ]
     gltf.nodes.append(g.Node(name=name, mesh=0, skin=0))
-    roots = [k for k, parent in enumerate(character.joint_parents) if parent < 0]
+    roots = np.flatnonzero(parents < 0).tolist()
     gltf.scenes, gltf.scene = [g.Scene(name=name, nodes=[*roots, count])], 0
     buffer.save(Path(path))
-
-
-def local_transforms(character: Character, world: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Translations `(..., K, 3)`, quaternions `(..., K, 4)`, scales `(..., K, 3)` relative to the parent joint."""
-    local = np.array(world, np.float64)
-    parents = np.array(character.joint_parents)
-    inner = np.flatnonzero(parents >= 0)
-    local[..., inner, :, :] = np.linalg.inv(local[..., parents[inner], :, :]) @ local[..., inner, :, :]
-    scales = np.linalg.norm(local[..., :3, :3], axis=-2)
-    turn = rotations.from_matrix(local[..., :3, :3] / np.maximum(scales[..., None, :], 1e-12))
-    return local[..., :3, 3], turn, scales

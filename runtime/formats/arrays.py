@@ -25,7 +25,7 @@ ALL = slice(None)
 
 
 def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
-    """Named arrays of a prepared take; metres, radians, seconds, quaternions w, x, y, z.
+    """Return named arrays of a prepared take; metres, radians, seconds, quaternions w, x, y, z.
 
     `positions` `(T, J, 3)`, `rotations` and `local_rotations` `(T, J, 4)`, `root_positions` `(T, 3)`, `root_yaw` `(T,)`,
     `contacts` `(T, 4)`, `phase` `(T, 2)` (radians of each foot's cycle, NaN while it has none), `gaits` `(T,)` (names),
@@ -92,7 +92,7 @@ def save_parquet(take: PreparedTake, path: Path, options: object, terrain: objec
 def take_columns(
     take: PreparedTake, rows: slice = ALL
 ) -> tuple[dict[str, NDArray[Any]], tuple[list[str], list[str]]]:
-    """Columns of numbers by name, and the gait and the prompt of each frame, of some frames."""
+    """Return columns of numbers by name, and the gait and the prompt of each frame, of some frames."""
     clip = take.clip
     positions, world = SPORT_SKELETON.forward_kinematics(
         clip.hips_positions[rows], clip.local_rotations[rows]
@@ -116,7 +116,7 @@ def take_columns(
 
 
 def gait_names(clip: Clip) -> NDArray[Any]:
-    """The gait of each frame `(T,)`, "" where it is not known."""
+    """Return the gait of each frame `(T,)`, "" where it is not known."""
     known = {int(gait): gait.label for gait in Gait}
     gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
     return np.array([known.get(int(gait), "") for gait in gaits])

@@ -24,6 +24,7 @@ MAX_JOINTS = 1024
 MAX_FRAMES = 2_000_000
 MAX_JOINT_FRAMES = 14_000_000  # of 28 bytes each: an hour of 31 joints at 120 Hz
 MAX_VALUE = 1e9  # of a length in the file's unit, or an angle in degrees
+NO_OFFSETS: dict[int, Array] = {}
 MOVING_ORDER, JOINT_ORDER = "YXZ", "ZYX"  # of rotations: the heading first where it may be any
 _CHUNK_BYTES = 1 << 20  # of numbers that are read at once
 _WRITTEN_FRAMES = 4096  # that are formatted at once
@@ -60,7 +61,7 @@ class BvhMotion:
         return 1.0 / self.frame_seconds
 
     def world(self) -> tuple[Array, Array]:
-        """World positions `(T, J, 3)` and rotations `(T, J, 4)`, honouring per-joint translations."""
+        """Return world positions `(T, J, 3)` and rotations `(T, J, 4)`, honouring per-joint translations."""
         positions, world = self.positions.copy(), self.local_rotations.copy()
         for j, parent in enumerate(self.skeleton.parents):
             if parent >= 0:
@@ -91,25 +92,11 @@ def parse_bvh(data: bytes | str, name: str = "BVH") -> BvhMotion:
 
 
 def check_size(joints: int, frames: int, name: str) -> None:
-    """UsageError when a clip of so many joints and frames is more than `read_bvh` reads."""
+    """Check that `read_bvh` can read a clip of so many joints and frames; UsageError."""
     if frames > MAX_FRAMES or joints * frames > MAX_JOINT_FRAMES:
         most = min(MAX_FRAMES, MAX_JOINT_FRAMES // joints)
-        raise UsageError(
-            f"{name}: {frames} frames of {joints} joints; a BVH may have {most}.",
-            "Choose fewer seconds or fewer frames per second.",
-        )
-
-
-def _numbers(tokens: list[str], count: int, line: int, name: str) -> list[float]:
-    try:
-        values = [float(t.replace(",", ".")) for t in tokens[:count]]
-    except ValueError as error:
-        raise FileError(f"{name}, line {line}: expected {count} numbers.", _REMEDY) from error
-    if len(values) != count or not all(abs(value) <= MAX_VALUE for value in values):
-        raise FileError(
-            f"{name}, line {line}: expected {count} finite numbers within {MAX_VALUE:.0e}.", _REMEDY
-        )
-    return values
+        problem = f"{name}: {frames} frames of {joints} joints; a BVH may have {most}."
+        raise UsageError(problem, "Choose fewer seconds or fewer frames per second.")
 
 
 class _Hierarchy:
@@ -133,10 +120,13 @@ class _Hierarchy:
                     read = keywords.get(tokens[0].upper())
                     used = read(tokens) if read else 0
                     if not used:
-                        raise FileError(f"{name}, line {self._line}: unexpected '{tokens[0][:40]}'.", _REMEDY)
+                        raise self._error(f"unexpected '{tokens[0][:40]}'")
                     tokens = tokens[used:]
         if self._stack or not self.names or sum(p < 0 for p in self.parents) != 1:
             raise FileError(f"{name}: expected one closed hierarchy with one ROOT.", _REMEDY)
+
+    def _error(self, problem: str) -> FileError:
+        return FileError(f"{self._name}, line {self._line}: {problem}.", _REMEDY)
 
     # what a keyword says with the tokens after it on its line; how many they are, 0 where they cannot be
     def _joint(self, tokens: list[str]) -> int:
@@ -163,7 +153,12 @@ class _Hierarchy:
     def _offset(self, tokens: list[str]) -> int:
         if not self.names:
             return 0
-        offset = _numbers(tokens[1:], 3, self._line, self._name)
+        try:
+            offset = [float(token.replace(",", ".")) for token in tokens[1:4]]
+        except ValueError as error:
+            raise self._error("expected 3 numbers") from error
+        if len(offset) != 3 or not all(abs(value) <= MAX_VALUE for value in offset):
+            raise self._error(f"expected 3 finite numbers within {MAX_VALUE:.0e}")
         if self._in_end_site:
             self.end_offsets[len(self.names) - 1] = np.array(offset, np.float32)
         else:
@@ -175,9 +170,9 @@ class _Hierarchy:
             return 0
         channels = [*itertools.takewhile(_CHANNELS.__contains__, map(str.lower, tokens[2:]))]
         if tokens[1:2] != [str(len(channels))]:
-            raise FileError(f"{self._name}, line {self._line}: CHANNELS count or names are wrong.", _REMEDY)
+            raise self._error("CHANNELS count or names are wrong")
         if len(set(channels)) != len(channels):
-            raise FileError(f"{self._name}, line {self._line}: a channel stands twice in CHANNELS.", _REMEDY)
+            raise self._error("a channel stands twice in CHANNELS")
         self.channels[-1] = channels
         return 2 + len(channels)
 
@@ -208,18 +203,12 @@ def _read_rows(
 ) -> tuple[BvhMotion, int]:
     """The motion of so many frames, and how many values there are in all; FileError when they are too many."""
     if rows > MAX_FRAMES or rows * len(h.names) > MAX_JOINT_FRAMES:
-        raise FileError(
-            f"{name}: {rows} frames x {len(h.names)} joints; expected at most {MAX_JOINT_FRAMES}.",
-            "Split the clip.",
-        )
+        problem = f"{rows} frames x {len(h.names)} joints; expected at most {MAX_JOINT_FRAMES}"
+        raise FileError(f"{name}: {problem}.", "Split the clip.")
     width = sum(map(len, h.channels))
-    motion = BvhMotion(
-        Skeleton(tuple(h.names), tuple(h.parents), np.array(h.offsets, np.float32)),
-        np.empty((rows, len(h.names), 3), np.float32),
-        np.empty((rows, len(h.names), 4), np.float32),
-        frame_seconds,
-        h.end_offsets,
-    )
+    skeleton = Skeleton(tuple(h.names), tuple(h.parents), np.array(h.offsets, np.float32))
+    places, turns = (np.empty((rows, len(skeleton), n), np.float32) for n in (3, 4))
+    motion = BvhMotion(skeleton, places, turns, frame_seconds, h.end_offsets)
     found, filled = 0, 0
     rest: NDArray[np.float64] = np.zeros(0)
     for block in _number_blocks(data, at, name):
@@ -326,24 +315,24 @@ def format_bvh(
     *,
     units_per_metre: float = 100.0,
     order: str | None = None,
-    end_offsets: dict[int, Array] | None = None,
+    end_offsets: dict[int, Array] = NO_OFFSETS,
 ) -> str:
-    """BVH text of a motion: `local_rotations` `(T, J, 4)`, and `places` of the first joint and others that move.
+    """Write a motion as BVH text: `local_rotations` `(T, J, 4)`, and `places` of the first joint and others that move.
 
     Places are positions `(T, 3)` against the parent, in metres, by the joint.
     `order` is that of all rotations; None: `MOVING_ORDER` for the joints with positions, whose heading may be any,
     and `JOINT_ORDER` for the others.
     """
     orders = [order or (MOVING_ORDER if j in places else JOINT_ORDER) for j in range(len(skeleton))]
-    lines, joints = _hierarchy(skeleton, units_per_metre, orders, end_offsets or {}, places)
+    lines, joints = _hierarchy(skeleton, units_per_metre, orders, end_offsets, places)
     lines += ["MOTION", f"Frames: {len(local_rotations)}", f"Frame Time: {1.0 / fps:.10f}", ""]
-    before: Array | None = None  # the angles from which the next block goes on
+    before: Array = np.zeros((0, len(joints), 3))  # the angles from which the next block goes on
     blocks = ["\n".join(lines)]
     for first in range(0, len(local_rotations), _WRITTEN_FRAMES):
         rows = slice(first, first + _WRITTEN_FRAMES)
         local: Array = np.asarray(local_rotations[rows], np.float64)
         angles: Array = np.stack([rotations.to_euler(local[:, j], orders[j]) for j in joints], axis=1)
-        angles = rotations.continuous_euler(angles if before is None else np.concatenate([before, angles]))
+        angles = rotations.continuous_euler(np.concatenate([before, angles]))
         angles, before = angles[-len(local) :], angles[-1:]
         columns: list[Array] = []
         for k, j in enumerate(joints):  # the place of a joint that has one, then its angles

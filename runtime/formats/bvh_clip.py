@@ -23,17 +23,15 @@ from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.root import RootTrack
 
 ROOT = "Root"
+MAX_OFF_PLACE_M = 0.01  # of a joint at rest, by which a skeleton is still ours
 _OWN_BVH = "Open a BVH that this program has written."
 # where the bones without a child end, metres; readers draw and measure leaf bones by it
-END_OFFSETS = {
-    5: np.array([0.0, 0.0, 0.06], np.float32),
-    10: np.array([0.0, 0.0, 0.06], np.float32),
-    16: np.array([0.0, 0.18, 0.02], np.float32),
-    22: np.array([0.04, 0.0, 0.0], np.float32),
-    23: np.array([0.03, 0.0, 0.03], np.float32),
-    29: np.array([-0.04, 0.0, 0.0], np.float32),
-    30: np.array([-0.03, 0.0, 0.03], np.float32),
-}
+_ENDS_M = {
+    "LeftToeBase": (0.0, 0.0, 0.06), "LeftHandIndex1": (0.04, 0.0, 0.0), "LThumb": (0.03, 0.0, 0.03),
+    "RightToeBase": (0.0, 0.0, 0.06), "RightHandIndex1": (-0.04, 0.0, 0.0), "RThumb": (-0.03, 0.0, 0.03),
+    "Head": (0.0, 0.18, 0.02),
+}  # fmt: skip
+END_OFFSETS = {SPORT_SKELETON.index(name): np.array(end, np.float32) for name, end in _ENDS_M.items()}
 
 
 class OtherSkeleton(FileError):
@@ -41,7 +39,7 @@ class OtherSkeleton(FileError):
 
 
 def check_bvh_length(seconds: float, fps: float) -> None:
-    """UsageError when a clip of `seconds` at `fps` is longer than a BVH that `load_clip_bvh` reads."""
+    """Check that `load_clip_bvh` can read a clip of `seconds` at `fps`; UsageError."""
     frames = min(seconds * fps, 1e12)  # what is not finite is refused by those who make a clip
     check_size(J, math.ceil(frames) if frames >= 0.0 else 0, f"{seconds:g} s at {fps:g} frames per second")
 
@@ -110,13 +108,13 @@ def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = Non
 
 
 def load_clip_bvh(path: str | Path) -> Clip:
-    """The clip of `clip_of_motion`, read from a file. FileError."""
+    """Return the clip of `clip_of_motion`, read from a file. FileError."""
     path = Path(path)
     return clip_of_motion(read_bvh(path), path)[0]
 
 
 def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
-    """A clip, and its unit (a key of `UNITS_PER_METRE`), from a motion of the 31-joint SPORT skeleton in any unit, channel order and joint order.
+    """Make a clip of a motion of the SPORT skeleton in any unit and order; return its unit too, a key of `UNITS_PER_METRE`.
 
     FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts, prompts and
     origin are those that the file itself or the JSON next to it tells; else contacts are zero.
@@ -136,7 +134,7 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
 
 
 def nearest_unit(metres_per_unit: float) -> str:
-    """The key of `UNITS_PER_METRE` that a file's unit is nearest to."""
+    """Return the key of `UNITS_PER_METRE` that a file's unit is nearest to."""
     return min(UNITS_PER_METRE, key=lambda unit: abs(math.log(metres_per_unit * UNITS_PER_METRE[unit])))
 
 
@@ -172,10 +170,8 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
     """Scale of a file whose rest pose is the SPORT skeleton's but for its unit."""
     for name, j, ours in zip(SPORT_SKELETON.names, order, SPORT_SKELETON.parents, strict=True):
         if ours >= 0 and motion.skeleton.parents[j] != order[ours]:
-            raise OtherSkeleton(
-                f"{path}: joint {name} is not a child of {SPORT_SKELETON.names[ours]}.",
-                _OWN_BVH,
-            )
+            problem = f"{path}: joint {name} is not a child of {SPORT_SKELETON.names[ours]}."
+            raise OtherSkeleton(problem, _OWN_BVH)
     theirs = motion.skeleton.offsets[order].astype(np.float64)
     wanted = SPORT_SKELETON.offsets.astype(np.float64)
     theirs[0] = wanted[0] = 0.0
@@ -183,12 +179,10 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
     scale = float(np.sum(theirs * wanted)) / total if total > 0.0 else 0.0
     difference = np.linalg.norm(theirs * scale - wanted, axis=-1)
     worst = int(np.argmax(difference))
-    if scale <= 0.0 or difference[worst] > 0.01:
-        raise OtherSkeleton(
-            f"{path}: joint {SPORT_SKELETON.names[worst]} rests {difference[worst] * 100:.0f} cm from its"
-            " place in the SPORT skeleton.",
-            _OWN_BVH,
-        )
+    if scale <= 0.0 or difference[worst] > MAX_OFF_PLACE_M:
+        joint, away_cm = SPORT_SKELETON.names[worst], 100.0 * difference[worst]
+        problem = f"{path}: joint {joint} rests {away_cm:.0f} cm from its place in the SPORT skeleton."
+        raise OtherSkeleton(problem, _OWN_BVH)
     for unit in UNITS_PER_METRE.values():  # offsets are rounded in the file, the unit is not
         if abs(scale * unit - 1.0) < 1e-3:
             return 1.0 / unit

@@ -54,20 +54,18 @@ _HUMAN_IK = {  # Maya's HumanIK
         "Left", "Right",
     ),
 }  # fmt: skip
-ENGINES = {
-    engine.name: engine
-    for engine in (
-        Engine("unreal", "cm", True, _UNREAL),
-        Engine("unity", "m", True, _HUMANOID),
-        Engine("godot", "m", True, _HUMANOID),
-        Engine("maya", "cm", False, _HUMAN_IK),
-        Engine("blender", "m", False, {}),
-    )
-}
+_TABLE = (
+    Engine("unreal", "cm", True, _UNREAL),
+    Engine("unity", "m", True, _HUMANOID),
+    Engine("godot", "m", True, _HUMANOID),
+    Engine("maya", "cm", False, _HUMAN_IK),
+    Engine("blender", "m", False, {}),
+)
+ENGINES = {engine.name: engine for engine in _TABLE}
 
 
 def engine_of(name: str) -> Engine:
-    """The engine of a name; UsageError lists the names."""
+    """Return the engine of a name; UsageError lists the names."""
     if name not in ENGINES:
         raise UsageError(f" {name[:40]}: unknown.", f"Choose {', '.join(ENGINES)}.", "engine")
     return ENGINES[name]

@@ -15,17 +15,8 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.atomic import write_atomic
 from runtime.character.mesh import skin_joints
-from runtime.character.read import (
-    STRUCTURE_ERRORS,
-    Entry,
-    GltfFile,
-    accessor_count,
-    ancestors,
-    nearest_of,
-    node_world_matrices,
-    read_accessor,
-    skeleton_nodes,
-)
+from runtime.character.nodes import Nodes
+from runtime.character.read import STRUCTURE_ERRORS, Entry, GltfFile
 from runtime.errors import FileError
 from runtime.formats.engines import engine_of
 from runtime.formats.fbx_mesh import Meshes, Skin
@@ -62,15 +53,14 @@ class _Scene:
 
     def __init__(self, file: GltfFile, units: float) -> None:
         self.file, self.units, self.document = file, units, Document()
-        every, self.parents = ancestors(file)
-        self.world = node_world_matrices(file, every, self.parents)
-        shown = nearest_of(every, self.parents, set(file.gltf.scenes[0].nodes))
-        self.order = [node for node in every if shown[node] >= 0]
+        nodes = Nodes(file)
+        self.parents, self.world, self.joints = list(nodes.parents), nodes.rest, nodes.skeleton
+        shown = nodes.nearest(set(file.gltf.scenes[0].nodes))
+        self.order = [node for node in nodes.order if shown[node] >= 0]
         for node in self.order:
             if file.gltf.nodes[node].skin is not None:  # carried by its joints alone
                 self.world[node], self.parents[node] = np.eye(4), shown[node] if shown[node] != node else -1
         self.world[:, :3, 3] *= units
-        self.joints = skeleton_nodes(self.file, self.order, self.parents)
         self.turns: dict[int, Array] = {}  # of joints at rest
         self.ids: dict[int, np.int64] = {}
         self.binds = {node: self.world[node] for node in self.order}
@@ -137,7 +127,7 @@ class _Scene:
 
     def _add_take(self, take: Entry, fps: float, check: Check) -> None:
         """Add an animation: a curve for each axis of what moves, with a key in every frame."""
-        count = accessor_count(self.file, take.samplers[0].input)
+        count = self.file.count(take.samplers[0].input)
         times = np.round(np.arange(count) * (TICKS / fps)).astype(np.int64)
         layer = self.document.add_take(take.name, times[-1], _note(take))
         alike = leaves(KeyVer=KEY_VERSION, KeyTime=times, KeyAttrFlags=np.array([LINEAR], np.int32),
@@ -145,7 +135,7 @@ class _Scene:
         for channel in take.channels:
             check()
             node, what = channel.target.node, channel.target.path.capitalize()
-            values = read_accessor(self.file, take.samplers[channel.sampler].output, "a track").astype(float)
+            values = self.file.values(take.samplers[channel.sampler].output, "a track").astype(float)
             if what == "Rotation":
                 rest = rotations.inverse(self.turns.get(node, rotations.identity()))
                 values = _degrees(rotations.multiply(rest, values[:, [3, 0, 1, 2]]))

@@ -1,7 +1,8 @@
-"""The meshes of an FBX: triangles with their layers, the skin that carries them, and their shapes."""
+"""The meshes of an FBX: triangles with their layers, skin and shapes, and materials with their images inside the file."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -11,14 +12,14 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import AnyArray, Array
 from runtime.character.mesh import vertex_normals
-from runtime.character.read import Entry, GltfFile, accessor_count, read_accessor
+from runtime.character.read import Entry, GltfFile
 from runtime.character.textures import srgb
-from runtime.formats.fbx_materials import Materials
-from runtime.formats.fbx_nodes import Document, Node, leaves, matrix
+from runtime.formats.fbx_nodes import Document, Node, leaves, matrix, prop, properties
 
 MAX_COLORS = 16  # of vertices: so few are materials of their own, since most programs do not show them
 SAME_COLOR_DISTANCE = 0.06  # of sRGB: colours that near are one of them
 MAX_SHADES = 256
+CLAMP = 33071  # of a sampler: an image is not repeated
 
 
 @dataclass(frozen=True)
@@ -61,19 +62,8 @@ class Meshes:
         if not parts:
             return
         place = np.diag([self.units] * 3 + [1.0]) if skin is None else skin.place
-        points = np.concatenate([part.points for part in parts]) @ place[:3, :3].T + place[:3, 3]
-        corners = parts.corners()
-        polygons = corners.reshape(-1, 3) ^ np.array([0, 0, -1], np.int32)  # the last of a face is inverted
         slots, faces = self._slots(parts)
-        layers = [*_layers(parts, corners, place), _Layer("Material", 0, "", {"Materials": faces})]
-        content = leaves(GeometryVersion=124, Vertices=points.ravel(), PolygonVertexIndex=polygons.ravel())
-        content += [layer.node() for layer in layers]
-        for number in range(
-            max(layer.number for layer in layers) + 1
-        ):  # all first layers go together, and so on
-            kinds = [f"LayerElement{layer.kind}" for layer in layers if layer.number == number]
-            named = [Node("LayerElement", children=leaves(Type=kind, TypedIndex=number)) for kind in kinds]
-            content.append(Node("Layer", number, children=[*leaves(Version=100), *named]))
+        content = _geometry(parts, place, faces)
         geometry = self.document.add("Geometry", entry.name or "mesh", "Mesh", content, model)
         for material in slots:
             self.document.connect(material, model)
@@ -113,23 +103,23 @@ class Meshes:
 
     def _add_shapes(self, entry: Entry, parts: _Parts, place: Array, geometry: np.int64) -> None:
         """The morph targets of a mesh, by the offsets of its vertices."""
-        count = max(len(part.primitive.targets or []) for part in parts)
+        count = max(len(part.targets) for part in parts)
         if not count:
             return
         head = leaves(Version=100)
-        titles = [str(title) for title in (entry.extras or {}).get("targetNames") or []]
-        titles += [f"shape_{k}" for k in range(len(titles), count)]
         deformer = self.document.add("Deformer", "Shapes", "BlendShape", head, geometry)
-        amounts = [float(weight) for weight in entry.weights or []] + [0.0] * count
+        titles, weights = (entry.extras or {}).get("targetNames") or [], entry.weights or []
         for k in range(count):
+            title = str(titles[k]) if k < len(titles) else f"shape_{k}"
+            percent = 100.0 * float(weights[k]) if k < len(weights) else 0.0
             offsets = parts.joined(_Part.offsets, k) @ place[:3, :3].T
             rows = np.flatnonzero(offsets.any(axis=1)).astype(np.int32)
-            facts = leaves(Version=100, DeformPercent=100.0 * amounts[k], FullWeights=np.array([100.0]))
+            facts = leaves(Version=100, DeformPercent=percent, FullWeights=np.array([100.0]))
             channel = self.document.add(
-                "Deformer", titles[k], "BlendShapeChannel", facts, deformer, "SubDeformer"
+                "Deformer", title, "BlendShapeChannel", facts, deformer, "SubDeformer"
             )
             arrays = leaves(Indexes=rows, Vertices=offsets[rows].ravel(), Normals=np.zeros(3 * len(rows)))
-            self.document.add("Geometry", titles[k], "Shape", [*head, *arrays], channel)
+            self.document.add("Geometry", title, "Shape", [*head, *arrays], channel)
 
 
 class _Part:
@@ -139,11 +129,11 @@ class _Part:
     """
 
     def __init__(self, file: GltfFile, primitive: Entry) -> None:
-        self.file, self.primitive = file, primitive
+        self.file, self.primitive, self.targets = file, primitive, primitive.targets or []
         if primitive.indices is None:
-            every = np.arange(accessor_count(file, primitive.attributes.POSITION))
+            every = np.arange(file.count(primitive.attributes.POSITION))
         else:
-            every = read_accessor(file, primitive.indices, "indices").ravel().astype(np.int64)
+            every = file.values(primitive.indices, "indices").ravel().astype(np.int64)
         self.rows, corners = np.unique(every[: len(every) // 3 * 3], return_inverse=True)
         self.corners = corners.astype(np.int64)
         self.points = self.values("POSITION").astype(np.float64)
@@ -161,22 +151,22 @@ class _Part:
         return name in self.primitive.attributes and not (name == "COLOR_0" and self.palette)
 
     def values(self, name: str) -> AnyArray:
-        """Values `(rows, n)` of an attribute that is there."""
-        return read_accessor(self.file, self.primitive.attributes[name], name)[self.rows]
+        """Return values `(rows, n)` of an attribute that is there."""
+        return self.file.values(self.primitive.attributes[name], name)[self.rows]
 
     def normals(self) -> AnyArray:
-        """Normals `(rows, 3)`."""
+        """Return normals `(rows, 3)`."""
         if self.has("NORMAL"):
             return self.values("NORMAL")
         return vertex_normals(self.points, self.corners.reshape(-1, 3))
 
     def uv(self, name: str) -> AnyArray:
-        """Texture coordinates `(rows, 2)` from the lower left."""
+        """Return texture coordinates `(rows, 2)` from the lower left."""
         values = self.values(name) if self.has(name) else np.zeros((len(self.rows), 2))
         return np.stack([values[:, 0], 1.0 - values[:, 1]], -1)
 
     def colors(self) -> AnyArray:
-        """Colours `(rows, 4)` in sRGB."""
+        """Return colours `(rows, 4)` in sRGB."""
         colors = np.ones((len(self.rows), 4))
         if self.has("COLOR_0"):
             values = self.values("COLOR_0")
@@ -184,7 +174,7 @@ class _Part:
         return np.concatenate([srgb(colors[:, :3]), colors[:, 3:]], axis=1)
 
     def influences(self, name: str, joints: int) -> AnyArray:
-        """Joints or weights `(rows, 8)`; those of joints that the skin has not are none."""
+        """Return joints or weights `(rows, 8)`; those of joints that the skin has not are none."""
         values = np.zeros((len(self.rows), 8))
         for k in (0, 1):
             if f"JOINTS_{k}" in self.primitive.attributes and f"WEIGHTS_{k}" in self.primitive.attributes:
@@ -192,12 +182,11 @@ class _Part:
         return np.minimum(values, joints - 1) if name == "JOINTS" else values
 
     def offsets(self, target: int) -> AnyArray:
-        """Offsets `(rows, 3)` of a morph target."""
-        targets = self.primitive.targets or []
-        index = targets[target].get("POSITION") if target < len(targets) else None
+        """Return offsets `(rows, 3)` of a morph target."""
+        index = self.targets[target].get("POSITION") if target < len(self.targets) else None
         if index is None:
             return np.zeros((len(self.rows), 3))
-        return read_accessor(self.file, index, "a morph target")[self.rows].astype(float)
+        return self.file.values(index, "a morph target")[self.rows].astype(float)
 
 
 def _palette(colors: AnyArray) -> tuple[AnyArray, AnyArray]:
@@ -221,10 +210,25 @@ class _Parts(list[_Part]):
         return np.concatenate([values(part, *given) for part in self])
 
     def corners(self) -> AnyArray:
-        """The vertex `(3 F,)` of each corner of the triangles, int32."""
+        """Return the vertex `(3 F,)` of each corner of the triangles, int32."""
         starts = np.cumsum([0] + [len(part.rows) for part in self[:-1]])
         found = [part.corners + start for part, start in zip(self, starts, strict=True)]
         return np.concatenate(found).astype(np.int32)
+
+
+def _geometry(parts: _Parts, place: Array, faces: AnyArray) -> list[Node]:
+    """Vertices, polygons and layers of a mesh, of which `faces` have the materials."""
+    points = np.concatenate([part.points for part in parts]) @ place[:3, :3].T + place[:3, 3]
+    corners = parts.corners()
+    polygons = corners.reshape(-1, 3) ^ np.array([0, 0, -1], np.int32)  # the last of a face is inverted
+    layers = [*_layers(parts, corners, place), _Layer("Material", 0, "", {"Materials": faces})]
+    content = leaves(GeometryVersion=124, Vertices=points.ravel(), PolygonVertexIndex=polygons.ravel())
+    content += [layer.node() for layer in layers]
+    for number in range(max(layer.number for layer in layers) + 1):  # all first layers go together, and so on
+        kinds = [f"LayerElement{layer.kind}" for layer in layers if layer.number == number]
+        named = [Node("LayerElement", children=leaves(Type=kind, TypedIndex=number)) for kind in kinds]
+        content.append(Node("Layer", number, children=[*leaves(Version=100), *named]))
+    return content
 
 
 def _layers(parts: _Parts, corners: AnyArray, place: Array) -> list[_Layer]:
@@ -239,3 +243,78 @@ def _layers(parts: _Parts, corners: AnyArray, place: Array) -> list[_Layer]:
         uv = parts.joined(_Part.uv, name).astype(float)
         layers.append(_Layer("UV", number, f"UV{number}", {"UV": uv.ravel(), "UVIndex": corners}))
     return layers
+
+
+class Materials:
+    """Adds materials of a file to a document, each once."""
+
+    def __init__(self, file: GltfFile, document: Document) -> None:
+        self.file, self.document = file, document
+        self._materials: dict[tuple[object, ...], np.int64] = {}
+        self._textures: dict[int, np.int64] = {}
+        self._videos: dict[int, tuple[np.int64, str, str]] = {}
+
+    def add(self, index: int | None, color: Array | None = None) -> np.int64:
+        """Return the id of a material (None: one that is white), in a colour of vertices where there is one."""
+        key = (index, None if color is None else tuple(color.tolist()))
+        if key not in self._materials:
+            entry = Entry() if index is None else self.file.gltf.materials[index]
+            name = entry.name or "material"
+            name = name if color is None else f"{name} {len(self._materials) + 1}"
+            self._materials[key] = self._material(entry, name, np.ones(3) if color is None else color)
+        return self._materials[key]
+
+    def _material(self, entry: Entry, name: str, color: Array) -> np.int64:
+        surface = entry.pbrMetallicRoughness or Entry()
+        factor = np.array(surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)), np.float64)
+        alpha = 1.0 if entry.alphaMode in (None, "OPAQUE") else float(factor[3])
+        unlit = "KHR_materials_unlit" in (entry.extensions or {})
+        textured = unlit or surface.metallicRoughnessTexture  # then the factor is none
+        metal = 0.0 if textured else float(surface.get("metallicFactor", 1.0))
+        shine = (10.0 * (1.0 - float(surface.get("roughnessFactor", 1.0)))) ** 2  # as Blender reads it
+        colors = {"AmbientColor": np.zeros(3), "DiffuseColor": factor[:3] * color, "SpecularColor": np.ones(3),
+                  "EmissiveColor": np.array(entry.get("emissiveFactor", (0.0, 0.0, 0.0))),
+                  "TransparentColor": np.full(3, 1.0 - alpha)}  # fmt: skip
+        numbers = {"DiffuseFactor": 1.0, "SpecularFactor": 0.25, "EmissiveFactor": 1.0, "Shininess": shine,
+                   "ShininessExponent": shine, "ReflectionFactor": metal,
+                   "TransparencyFactor": 1.0 - alpha, "Opacity": alpha}  # fmt: skip
+        facts = [prop(n, "Color", *value.tolist(), flags="A") for n, value in colors.items()]
+        facts += [prop(n, "Number", value, flags="A") for n, value in numbers.items()]
+        head = leaves(Version=102, ShadingModel="phong", MultiLayer=0)
+        material = self.document.add("Material", name, "", [*head, properties(*facts)])
+        textures = {"DiffuseColor": surface.baseColorTexture, "NormalMap": entry.normalTexture,
+                    "EmissiveColor": entry.emissiveTexture}  # fmt: skip
+        for what, info in textures.items():
+            if info is not None:
+                self.document.connect(self._texture(info), material, what)
+        return material
+
+    def _texture(self, info: Entry) -> np.int64:
+        """The id of a texture."""
+        if info.index not in self._textures:
+            texture = self.file.gltf.textures[info.index]
+            video, name, path = self._video(texture.source)
+            sampler = Entry() if texture.sampler is None else self.file.gltf.samplers[texture.sampler]
+            facts = [prop("UVSet", "KString", f"UV{info.texCoord or 0}"), prop("UseMaterial", "bool", 1)]
+            for ours, theirs in ("US", "VT"):
+                facts.append(prop(f"WrapMode{ours}", "enum", int(sampler.get(f"wrap{theirs}") == CLAMP)))
+            head = leaves(Type="TextureVideoClip", Version=202, TextureName=f"{name}\0\1Texture")
+            files = leaves(Media=f"{name}\0\1Video", FileName=path, RelativeFilename=path)
+            self._textures[info.index] = self.document.add(
+                "Texture", name, "", [*head, properties(*facts), *files]
+            )
+            self.document.connect(video, self._textures[info.index])
+        return self._textures[info.index]
+
+    def _video(self, index: int) -> tuple[np.int64, str, str]:
+        """The id of an image, its name, and that of its file."""
+        if index not in self._videos:
+            image = self.file.gltf.images[index]
+            data = bytes(self.file.view_bytes(image.bufferView, "an image"))
+            stem = re.sub(r"[^\w.-]+", "_", image.name or "texture").strip("._")
+            name = f"{stem}_{index}"
+            path = f"{name}.{'png' if image.mimeType == 'image/png' else 'jpg'}"
+            content = leaves(UseMipMap=0, Filename=path, RelativeFilename=path, Content=data)
+            parts = [*leaves(Type="Clip"), properties(prop("Path", "KString", path)), *content]
+            self._videos[index] = self.document.add("Video", name, "Clip", parts), name, path
+        return self._videos[index]

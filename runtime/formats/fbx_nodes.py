@@ -18,6 +18,7 @@ from runtime.arrays import AnyArray
 VERSION = 7400
 TICKS = 46_186_158_000  # of a second
 CREATOR = "SPORT viewer"
+Id = np.int64  # of an object
 ZERO = np.int64(0)  # the scene as an object, and the time when takes begin
 _HEAD = b"Kaydara FBX Binary  \x00\x1a\x00" + struct.pack("<I", VERSION)
 # a time of creation, its checksum, and what then ends a file: readers refuse other ones
@@ -71,22 +72,22 @@ def _encoded(value: Any) -> bytes:
 
 
 def leaves(**values: Any) -> list[Node]:
-    """Nodes without children, each of one value."""
+    """Return nodes without children, each of one value."""
     return [Node(name, value) for name, value in values.items()]
 
 
 def properties(*entries: Node) -> Node:
-    """The properties of an object, each made by `prop`."""
+    """Return the properties of an object, each made by `prop`."""
     return Node("Properties70", children=entries)
 
 
 def prop(name: str, kind: str, *values: Any, flags: str = "") -> Node:
-    """A property of a type of FBX; one with the flag A can be animated, one with U is the user's own."""
+    """Return a property of a type of FBX; one with the flag A can be animated, one with U is the user's own."""
     return Node("P", name, kind, _LABELS.get(kind, ""), flags, *values)
 
 
 def matrix(name: str, value: AnyArray) -> Node:
-    """A transform `(4, 4)`, column by column."""
+    """Return a transform `(4, 4)`, column by column."""
     return Node(name, np.asarray(value, np.float64).T.ravel())
 
 
@@ -100,15 +101,9 @@ class Document:
         self._takes: dict[str, np.int64] = {}  # and when they end
 
     def add(
-        self,
-        kind: str,
-        name: str,
-        form: str,
-        parts: Iterable[Node],
-        above: np.int64 | None = None,
-        part: str = "",
-    ) -> np.int64:
-        """The id of a new object, connected to the one `above` it; `part` is the class in its name where that is another."""
+        self, kind: str, name: str, form: str, parts: Iterable[Node], above: Id | None = None, part: str = ""
+    ) -> Id:
+        """Add an object, connected to the one `above` it; return its id. `part` is the class in its name if that is another."""
         number = np.int64(1_000_000 + len(self._objects))
         titled = f"{name}\0\1{part or _CLASSES.get(kind, kind)}"
         self._objects.append(Node(kind, number, titled, form, children=parts))
@@ -122,7 +117,7 @@ class Document:
         self._connections.append(Node("C", *(("OP", child, above, name) if name else ("OO", child, above))))
 
     def add_take(self, name: str, last: np.int64, note: str) -> np.int64:
-        """The id of the layer of a new animation that ends at a time."""
+        """Return the id of the layer of a new animation that ends at a time."""
         ends = {"LocalStart": ZERO, "LocalStop": last, "ReferenceStart": ZERO, "ReferenceStop": last}
         spans = [prop(end, "KTime", time) for end, time in ends.items()]
         stack = self.add(
@@ -132,7 +127,7 @@ class Document:
         return self.add("AnimationLayer", name, "", [], stack)
 
     def to_bytes(self, units_per_metre: float, fps: float) -> bytes:
-        """The file: right-handed, Y up, facing +Z."""
+        """Return the file: right-handed, Y up, facing +Z."""
         first = next(iter(self._takes), "")
         scene = properties(prop("SourceObject", "object"), prop("ActiveAnimStackName", "KString", first))
         document = Node(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,12 +29,13 @@ from runtime.formats.options import ExportOptions
 from runtime.formats.prepare import Check, PreparedTake, go_on, prepare
 from runtime.formats.reference import open_take
 from runtime.formats.sidecar import take_extras
-from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 
+if TYPE_CHECKING:
+    from pygltflib import GLTF2
+
 MANNEQUIN = "character/mannequin.glb"
-HIPS = SPORT_SKELETON.index("Hips")
 CHUNK = 1800  # frames worked on at once, so that an hour does not fill the memory
 STILL_M = 1e-6  # metres: a joint that moves less against its parent has no translation track
 
@@ -58,7 +60,7 @@ def glb_document(
     ground_vertices: int | None = None,
     ground_margin_m: float = MARGIN_M,
 ) -> tuple[GlbBuffer, int]:
-    """The document of `save_glb` with some takes, and the number of its node of the hips. FileError."""
+    """Return the document of `save_glb` with some takes, and the number of its node of the hips. FileError."""
     source = options.character or asset_path(MANNEQUIN)
     character = load_character(source, options.joint_map, options.character_unit)
     file, _ = open_character(source)
@@ -66,26 +68,31 @@ def glb_document(
     buffer.gltf.asset.generator = GENERATOR
     size, plain = body_size(takes[0].clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
-    names = [take.clip.name for take in takes]
-    buffer.gltf.animations = []
-    for k, name in enumerate(names):  # each name is there once
-        _animate(rig, buffer, takes[k], name if name not in names[:k] else f"{name}-{k + 1}", check)
+    names: list[str] = []
+    for number, take in enumerate(takes, 1):  # each name is there once
+        name = take.clip.name
+        _animate(rig, buffer, take, f"{name}-{number}" if name in names else name, check)
+        names.append(name)
     if options.humanoid_names:
         rename_bones(rig, options.bones)
-    if options.animation_only:  # a skin without a mesh keeps the joints a skeleton
-        gltf = buffer.gltf
-        for node in gltf.nodes:
-            node.mesh = node.skin = None
-        gltf.meshes, gltf.materials, gltf.textures, gltf.images = [], [], [], []
-        gltf.samplers, gltf.skins = [], []
+    if options.animation_only:
+        _drop_meshes(buffer.gltf)
     if options.with_ground and terrain is not None:
         add_ground(buffer, terrain, takes[0], size, most=ground_vertices, margin_m=ground_margin_m)
     buffer.gltf.scenes[0].extras = {"sport": take_extras(takes[0])}
-    return buffer, next(node for node, k in rig.joints.items() if character.sport_joints[k] == HIPS)
+    return buffer, rig.sport_nodes["Hips"]
+
+
+def _drop_meshes(gltf: GLTF2) -> None:
+    """Leave nothing but the nodes and their animations."""
+    for node in gltf.nodes:
+        node.mesh = node.skin = None
+    for field in ("meshes", "materials", "textures", "images", "samplers", "skins"):
+        setattr(gltf, field, [])
 
 
 def further_takes(options: ExportOptions, terrain: Terrain | None) -> list[PreparedTake]:
-    """The further takes of an export, each on the ground that it names, else on that of the first. FileError."""
+    """Read the further takes of an export, each on the ground that it names, else on that of the first. FileError."""
     clips = [(open_take(path).clip, path) for path in options.with_takes]
     return [
         prepare(clip, options, ground_of(clip, path) if names_ground(clip) else terrain)
@@ -94,7 +101,7 @@ def further_takes(options: ExportOptions, terrain: Terrain | None) -> list[Prepa
 
 
 def body_size(clip: Clip, options: ExportOptions, character: Character) -> float:
-    """Metres of a metre of the clip for a character: those of its own size, or those that the clip was made in.
+    """Return the scale of a clip for a character: by the character's own size, or by that which the clip was made in.
 
     A clip that was made for another size is carried over whole, with its steps and its ground.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,9 @@ from runtime.arrays import Array
 from runtime.character.character import Character
 from runtime.character.glb_buffer import GlbBuffer
 from runtime.character.mesh import MeshData, skin_joints
-from runtime.character.read import GltfFile, ancestors, node_world_matrices
+from runtime.character.nodes import Nodes
+from runtime.character.read import GltfFile
+from runtime.character.tree import ancestors
 from runtime.formats.prepare import PreparedTake
 from runtime.skeleton import SPORT_SKELETON
 
@@ -49,6 +51,12 @@ class Rig:
     # inverse bind matrices (n, 4, 4) of skins, as written
     binds: dict[int, Array] = field(default_factory=dict)
 
+    @property
+    def sport_nodes(self) -> dict[str, int]:
+        """The nodes of the SPORT joints that the character has."""
+        played = self.character.sport_joints
+        return {SPORT_SKELETON.names[played[k]]: node for node, k in self.joints.items() if played[k] >= 0}
+
 
 def open_rig(
     buffer: GlbBuffer,
@@ -59,7 +67,7 @@ def open_rig(
     plain: bool = False,
     size: float = 1.0,
 ) -> Rig:
-    """The rig of a character's document: its scene holds the character alone, in the take's space.
+    """Return the rig of a character's document: its scene holds the character alone, in the take's space.
 
     `plain`: joints have no scales and nothing but one node above them, as engines expect it. `size` is how many metres a metre of the take is;
     one of its own leaves the file's metres as they are.
@@ -71,11 +79,11 @@ def open_rig(
     space = np.eye(4)
     axes = character.rest_world[hips, :3, :3].astype(np.float64)
     space[:3, :3] = size * character.alignment.basis[hips] @ np.linalg.inv(axes)
-    order, parents = ancestors(file)
-    rest = space @ node_world_matrices(file, order, parents)
+    nodes = Nodes(file)
+    rest = space @ nodes.rest
     soles = float((data.rest_positions() @ space[:3, :3].T)[:, 1].min())
     x, _, z = rest[data.joint_nodes[hips], :3, 3]
-    rig = Rig(character, buffer.gltf, joints, parents, rest, space, size, np.array([x, soles, z]))
+    rig = Rig(character, buffer.gltf, joints, list(nodes.parents), rest, space, size, np.array([x, soles, z]))
     for index, skin in enumerate(rig.gltf.skins):
         rig.binds[index] = skin_joints(file, index)[1][: len(skin.joints)].astype(np.float64)
     (_set_plain_scene if plain else _set_scene)(rig)
@@ -95,7 +103,7 @@ def _set_plain_scene(rig: Rig) -> None:
     import pygltflib as g
 
     gltf, parents, count = rig.gltf, rig.parents, len(rig.parents)
-    moving = {n for joint in rig.joints for n in _line(parents, joint) if _under_joint(rig, n)}
+    moving = {n for joint in rig.joints for n in ancestors(parents, joint) if _under_joint(rig, n)}
     rig.plain, rig.space = True, np.eye(4)
     for index, skin in enumerate(gltf.skins):
         rest = rig.rest[skin.joints]
@@ -103,10 +111,7 @@ def _set_plain_scene(rig: Rig) -> None:
         rig.binds[index][:, 3] = (0.0, 0.0, 0.0, 1.0)
         skin.skeleton = None
     heads = [n for n in sorted(moving) if parents[n] not in moving]
-    # meshes under no joint: skinned ones, and those below the character's own uppermost node
-    own, nodes = _line(parents, heads[0])[-1], gltf.nodes
-    loose = [n for n in range(count) if nodes[n].mesh is not None and not _under_joint(rig, n)]
-    loose = [n for n in loose if nodes[n].skin is not None or _line(parents, n)[-1] == own]
+    loose = _loose_meshes(rig, ancestors(parents, heads[0])[-1])
     for node in (*heads, *loose):
         if parents[node] >= 0:
             gltf.nodes[parents[node]].children.remove(node)
@@ -114,6 +119,14 @@ def _set_plain_scene(rig: Rig) -> None:
     _append_node(rig, g.Node(name="Armature", children=[*heads, *loose]), -1, np.eye(4))
     _set_plain_locals(rig, moving, loose)
     gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[count])], 0
+
+
+def _loose_meshes(rig: Rig, own: int) -> list[int]:
+    """Nodes with meshes under no joint: skinned ones, and those below the character's `own` uppermost node."""
+    meshes = [
+        n for n, node in enumerate(rig.gltf.nodes) if node.mesh is not None and not _under_joint(rig, n)
+    ]
+    return [n for n in meshes if rig.gltf.nodes[n].skin is not None or ancestors(rig.parents, n)[-1] == own]
 
 
 def _set_plain_locals(rig: Rig, moving: set[int], loose: list[int]) -> None:
@@ -129,21 +142,13 @@ def _set_plain_locals(rig: Rig, moving: set[int], loose: list[int]) -> None:
             set_local(nodes[node], np.linalg.inv(above) @ rig.rest[node])
 
 
-def _line(parents: Sequence[int], node: int) -> list[int]:
-    """A node and those above it, the uppermost last."""
-    found = [node]
-    while parents[found[-1]] >= 0:
-        found.append(parents[found[-1]])
-    return found
-
-
 def _under_joint(rig: Rig, node: int) -> bool:
     """Return whether a node is a joint or a descendant of one."""
-    return any(above in rig.joints for above in _line(rig.parents, node))
+    return any(above in rig.joints for above in ancestors(rig.parents, node))
 
 
 def written(rig: Rig, world: Array) -> Array:
-    """World matrices `(..., 4, 4)` of joints as the file has them: of a plain rig without their scale."""
+    """Return world matrices `(..., 4, 4)` of joints as the file has them: of a plain rig without their scale."""
     if not rig.plain:
         return world
     result = world.copy()
@@ -156,7 +161,7 @@ def _set_scene(rig: Rig) -> None:
     import pygltflib as g
 
     gltf = rig.gltf
-    carried = {_line(rig.parents, joint)[-1] for joint in rig.joints}
+    carried = {ancestors(rig.parents, joint)[-1] for joint in rig.joints}
     moved = sorted(carried)
     alone = [top for top, above in enumerate(rig.parents) if above < 0 and not gltf.nodes[top].children]
     skinned = [top for top in alone if top not in carried and gltf.nodes[top].skin is not None]
@@ -184,7 +189,7 @@ def _add_root(rig: Rig, hips: int) -> None:
     """A joint above the hips that stays on the ground: the character's own uppermost joint, or a new one."""
     import pygltflib as g
 
-    top = [node for node in _line(rig.parents, hips) if node in rig.joints][-1]
+    top = [node for node in ancestors(rig.parents, hips) if node in rig.joints][-1]
     if top != hips:
         rig.root_node = top
         return
@@ -233,7 +238,7 @@ def _bind_root(rig: Rig, hips: int, frame: Array) -> None:
 
 
 def local_rest(rig: Rig, node: int) -> Array:
-    """Rest transform `(4, 4)` of a node relative to its parent."""
+    """Return the rest transform `(4, 4)` of a node relative to its parent."""
     parent = rig.parents[node]
     world = written(rig, rig.rest[node])
     return world if parent < 0 else np.linalg.inv(written(rig, rig.rest[parent])) @ world
@@ -248,7 +253,7 @@ def set_local(node: Node, matrix: Array) -> tuple[Array, Array]:
 
 
 def rotation_and_scale(matrix: Array) -> tuple[Array, Array]:
-    """The rotation `(4,)` and the scale `(3,)` of a transform `(4, 4)`."""
+    """Return the rotation `(4,)` and the scale `(3,)` of a transform `(4, 4)`."""
     linear = matrix[:3, :3]
     scale = np.linalg.norm(linear, axis=0) * (1.0 if np.linalg.det(linear) >= 0.0 else -1.0)
     return nearest_rotation(linear / scale), scale
@@ -259,7 +264,7 @@ def _xyzw(turn: Array) -> list[float]:
 
 
 def nearest_rotation(linear: Array) -> Array:
-    """Quaternions `(..., 4)` of the rotations nearest to matrices `(..., 3, 3)`."""
+    """Return quaternions `(..., 4)` of the rotations nearest to matrices `(..., 3, 3)`."""
     left, _, right = np.linalg.svd(linear)
     sign = np.linalg.det(left @ right)
     left = left * np.stack([np.ones_like(sign), np.ones_like(sign), sign], -1)[..., None, :]
@@ -267,7 +272,7 @@ def nearest_rotation(linear: Array) -> Array:
 
 
 def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array]:
-    """World matrices `(n, 4, 4)` in the take's space of every joint node in some frames of a take."""
+    """Return world matrices `(n, 4, 4)` in the take's space of every joint node in some frames of a take."""
     clip, character = take.clip, rig.character
     begin = max(frames.start - HANDS_FRAMES, 0)  # hands go on over the ends of a part
     wide = slice(begin, min(frames.stop + HANDS_FRAMES, len(clip)))
@@ -302,10 +307,7 @@ def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array
 
 def rename_bones(rig: Rig, bones: Mapping[str, str]) -> None:
     """Give the joints of a rig the names of an engine's humanoid, those that `bones` has none for keep theirs."""
-    node_of = {
-        SPORT_SKELETON.names[j]: n for n, k in rig.joints.items() if (j := rig.character.sport_joints[k]) >= 0
-    }
-    node_of["Root"] = rig.root_node
+    node_of = rig.sport_nodes | {"Root": rig.root_node}
     wanted: dict[int, str] = {}
     for name, bone in bones.items():
         if node_of.get(name, -1) >= 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.character.read import GltfFile, read_accessor
+from runtime.character.read import GltfFile
 
 AT_KEY_S = 1e-5  # what is that little before a key is at it
 KEYS_REMEDY = "Export it again with its animation baked, or as BVH."
@@ -28,7 +29,7 @@ class Channel:
     kind: str
 
     def at(self, seconds: Array) -> Array:
-        """Values `(T, width)` at times, as the specification interpolates them; those of the ends beyond them."""
+        """Interpolate values `(T, width)` at times as the specification says; beyond the ends they are those of the ends."""
         k = np.searchsorted(self.times, seconds + AT_KEY_S, side="right") - 1
         k = np.clip(k, 0, max(len(self.times) - 2, 0))
         after = np.minimum(k + 1, len(self.times) - 1)
@@ -51,20 +52,18 @@ Channels = dict[tuple[int, str], Channel]  # by node and property
 
 
 def read_channels(file: GltfFile, animation: Any) -> Channels:
-    """Keys by node and property. FileError where times and values do not fit each other."""
-    nodes = range(len(file.gltf.nodes or []))
-    return {
-        (channel.target.node, channel.target.path): _keys(
-            file, animation.samplers[channel.sampler], channel.target.path
-        )
-        for channel in animation.channels or []
-        if channel.target.path in PATHS and channel.target.node in nodes
-    }
+    """Return keys by node and property. FileError where times and values do not fit each other."""
+    found, nodes = {}, range(len(file.gltf.nodes or []))
+    for channel in animation.channels or []:
+        node, path = channel.target.node, channel.target.path
+        if path in PATHS and node in nodes:
+            found[node, path] = _keys(file, animation.samplers[channel.sampler], path)
+    return found
 
 
 def _keys(file: GltfFile, sampler: Any, path: str) -> Channel:
-    times = read_accessor(file, sampler.input, "the times of a key").astype(float)[:, 0]
-    values = read_accessor(file, sampler.output, f"a key's {path}").astype(float)
+    times = file.values(sampler.input, "the times of a key").astype(float)[:, 0]
+    values = file.values(sampler.output, f"a key's {path}").astype(float)
     kind = sampler.interpolation or "LINEAR"
     if path == "rotation":
         values = values[:, [3, 0, 1, 2]]
@@ -97,14 +96,17 @@ def _of_one_sign(times: Array, values: Array) -> Array:
     return np.asarray(values * np.cumprod(np.where(alike < 0.0, -1.0, 1.0))[:, None, None])
 
 
+@dataclass(frozen=True)
 class MovingNodes:
-    """Nodes, parents first, with what moves them."""
+    """Nodes, parents first, that rest at local matrices `(nodes, 4, 4)`, and the channels that move them."""
 
-    def __init__(self, nodes: list[int], parents: list[int], resting: Array, channels: Channels) -> None:
-        self.nodes, self.parents, self.resting, self.channels = nodes, parents, resting, channels
+    nodes: list[int]
+    parents: Sequence[int]
+    resting: Array
+    channels: Channels
 
     def world(self, seconds: Array) -> dict[int, Array]:
-        """World matrices `(T, 4, 4)` of each node at times."""
+        """Return world matrices `(T, 4, 4)` of each node at times."""
         made: dict[int, Array] = {}
         for node in self.nodes:
             local = self._local(node, seconds)
@@ -129,7 +131,7 @@ class MovingNodes:
 
 
 def rotation_parts(matrices: Array) -> Array:
-    """The rotations `(..., 3, 3)` nearest to matrices `(..., 3, 3)` that may scale, mirror and shear."""
+    """Return the rotations `(..., 3, 3)` nearest to matrices `(..., 3, 3)` that may scale, mirror and shear."""
     size = np.linalg.norm(matrices, axis=-2, keepdims=True)
     flat = size.min(axis=(-2, -1), keepdims=True) < _FLAT_SCALE
     turn = np.where(flat, np.eye(3), matrices / np.maximum(size, 1e-12))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import accumulate
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +15,11 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.character.bodies import Body, Nodes, find_bodies
+from runtime.character.bodies import Body, find_bodies
 from runtime.character.glb_buffer import GENERATOR
 from runtime.character.mesh import vrm_bones
-from runtime.character.read import (
-    STRUCTURE_ERRORS,
-    GltfFile,
-    accessor_count,
-    local_matrices,
-    nearest_of,
-    open_gltf,
-)
+from runtime.character.nodes import Nodes, local_matrices
+from runtime.character.read import STRUCTURE_ERRORS, Entry, GltfFile, open_gltf
 from runtime.character.rest_pose import bind_worlds
 from runtime.checked import number_field
 from runtime.errors import FileError
@@ -67,29 +61,38 @@ class _Animation:
     moved: int
     metadata: Any
 
+    @property
+    def known(self) -> bool:
+        """Return whether it moves a body that names or tree tell."""
+        return self.body is not None and self.body.known and self.moved > 0
+
+    def moves_half(self, most: int) -> bool:
+        """Return whether it moves half of its body, or half of `most` joints; any motion is enough without a body."""
+        return bool(self.channels) and (self.body is None or self.moved >= self.body.half(most))
+
 
 def contents(path: Path) -> tuple[bool, bool]:
-    """Whether a file has a mesh with a skin, and whether it moves its nodes; FileError when it cannot be read.
+    """Return whether a file has a mesh with a skin, and whether it moves its nodes; FileError when it cannot be read.
 
     A take that was exported here is a motion alone: its mesh is only who moved in it.
     """
     file = open_gltf(path, motion=True)
     skinned = any(node.mesh is not None and node.skin is not None for node in file.gltf.nodes or [])
     try:
-        moves = any(
-            channel.target.path in PATHS
-            and accessor_count(file, animation.samplers[channel.sampler].input) > 1
-            for animation in file.gltf.animations or []
-            for channel in animation.channels or []
-        )
+        moves = any(_moves(file, animation) for animation in file.gltf.animations or [])
     except STRUCTURE_ERRORS:
         moves = True  # reading it says what is wrong
-    own = file.gltf.asset is not None and file.gltf.asset.generator == GENERATOR
+    own = (file.gltf.asset or Entry()).generator == GENERATOR
     return skinned and not (moves and own), moves
 
 
+def _moves(file: GltfFile, animation: Entry) -> bool:
+    channels = [channel for channel in animation.channels or [] if channel.target.path in PATHS]
+    return any(file.count(animation.samplers[channel.sampler].input) > 1 for channel in channels)
+
+
 def read_gltf_motion(path: Path, animation: str = "") -> BvhMotion:
-    """The animation of a name, or the first one that moves a body, in metres; `animations` lists what may be named.
+    """Read the animation of a name, or the first that moves a body, in metres; `animations` lists what may be named.
 
     An animation that moves several bodies is listed once for each: "walk" is its first one, "walk / NPC" another.
     FileError where there is none, or it is damaged.
@@ -104,7 +107,7 @@ def read_gltf_motion(path: Path, animation: str = "") -> BvhMotion:
 
 
 def _motion(file: GltfFile, wanted: str) -> BvhMotion:
-    nodes = Nodes.of(file)
+    nodes = Nodes(file)
     animations = _named(file)
     bodies = find_bodies(nodes, {node for entry in animations.values() for node in _targets(nodes, entry)})
     listed = _listed(nodes, animations, bodies)
@@ -125,19 +128,15 @@ def _motion(file: GltfFile, wanted: str) -> BvhMotion:
     motion = BvhMotion(skeleton, positions, local, 1.0 / fps, {}, note, told, tuple(listed))
     moving = MovingNodes(needed, nodes.parents, local_matrices(file), channels)
     with np.errstate(all="ignore"):  # what comes of it is checked
-        unbind = np.linalg.inv(bind[:, :3, :3])
-        for first in range(0, len(times), CHUNK_FRAMES):
-            rows = slice(first, first + CHUNK_FRAMES)
-            world = moving.world(times[rows])
-            _fill(motion, rows, np.stack([world[j] for j in joints], axis=1), unbind)
-    furthest = max(np.abs(positions).max(), np.abs(motion.skeleton.offsets).max())
+        _fill(motion, moving, times, joints, np.linalg.inv(bind[:, :3, :3]))
+    furthest = max(np.abs(positions).max(), np.abs(skeleton.offsets).max())
     if not furthest <= MAX_VALUE or not np.isfinite(local).all():
         raise file.error(f"its animation moves joints further than {MAX_VALUE:.0e} away.", KEYS_REMEDY)
     return motion
 
 
 def _skeleton(nodes: Nodes, joints: list[int], bind: Array) -> Skeleton:
-    nearest = nearest_of(nodes.order, nodes.parents, set(joints))
+    nearest = nodes.nearest(set(joints))
     above = [nearest[nodes.parents[j]] if nodes.parents[j] >= 0 else -1 for j in joints]
     parents = tuple(joints.index(node) if node >= 0 else -1 for node in above)
     at_rest = bind[:, :3, 3]
@@ -148,19 +147,23 @@ def _skeleton(nodes: Nodes, joints: list[int], bind: Array) -> Skeleton:
     return Skeleton(names, parents, np.array(offsets, np.float32))
 
 
-def _fill(motion: BvhMotion, rows: slice, world: Array, unbind: Array) -> None:
-    """Write frames of world matrices `(T, J, 4, 4)`; each joint is seen from its bind pose, in which nothing turns.
+def _fill(motion: BvhMotion, moving: MovingNodes, times: Array, joints: list[int], unbind: Array) -> None:
+    """Write the frames of a motion; each joint is seen from its bind pose, in which nothing turns.
 
     `unbind` `(J, 3, 3)` undoes the bind pose, with what spaces above the joints scale, mirror and shear.
     """
-    places = world[..., :3, 3]
-    turns = rotations.normalize(rotations.from_matrix(rotation_parts(world[..., :3, :3] @ unbind)))
-    motion.local_rotations[rows], motion.positions[rows] = turns, places
-    for j, parent in enumerate(motion.skeleton.parents):
-        if parent >= 0:
-            back = rotations.inverse(turns[:, parent])
-            motion.local_rotations[rows, j] = rotations.normalize(rotations.multiply(back, turns[:, j]))
-            motion.positions[rows, j] = rotations.rotate(back, places[:, j] - places[:, parent])
+    for first in range(0, len(times), CHUNK_FRAMES):
+        rows = slice(first, first + CHUNK_FRAMES)
+        made = moving.world(times[rows])
+        world = np.stack([made[joint] for joint in joints], axis=1)  # (T, J, 4, 4)
+        places = world[..., :3, 3]
+        turns = rotations.normalize(rotations.from_matrix(rotation_parts(world[..., :3, :3] @ unbind)))
+        motion.local_rotations[rows], motion.positions[rows] = turns, places
+        for j, parent in enumerate(motion.skeleton.parents):
+            if parent >= 0:
+                back = rotations.inverse(turns[:, parent])
+                motion.local_rotations[rows, j] = rotations.normalize(rotations.multiply(back, turns[:, j]))
+                motion.positions[rows, j] = rotations.rotate(back, places[:, j] - places[:, parent])
 
 
 def _named(file: GltfFile) -> dict[str, Any]:
@@ -184,31 +187,40 @@ def _targets(nodes: Nodes, entry: Any) -> set[int]:
 def _listed(nodes: Nodes, animations: dict[str, Any], bodies: list[Body]) -> _Listed:
     """List the choices: each animation with the first body that it moves, and once more for each further body."""
     inside = {joint: k for k, body in enumerate(bodies) for joint in body.joints}
-    above = [set(nodes.with_ancestors(body.joints[:1])) for body in bodies]
+    above = [(body, set(nodes.with_ancestors(body.joints[:1]))) for body in bodies]
     listed: _Listed = {}
     for name, entry in animations.items():
         targets = _targets(nodes, entry)
-        hits = Counter(inside[node] for node in targets if node in inside)
-        most = max(hits.values(), default=0)
-        moved = sorted(hits, key=lambda k: (not bodies[k].known, hits[k] < bodies[k].half(most), k))
-        moved = moved or [k for k, holding in enumerate(above) if not targets.isdisjoint(holding)][:1]
-        listed[name] = entry, bodies[moved[0]] if moved else None
-        for k in moved[1:]:
-            if bodies[k].known:
-                listed[f"{name} / {printable(bodies[k].name)[:MAX_SHOWN]}"] = entry, bodies[k]
+        moved = (
+            _most_moved_first(bodies, inside, targets)
+            or [b for b, k in above if not targets.isdisjoint(k)][:1]
+        )
+        listed[name] = entry, next(iter(moved), None)
+        for body in filter(attrgetter("known"), moved[1:]):
+            listed[f"{name} / {printable(body.name)[:MAX_SHOWN]}"] = entry, body
     return listed
+
+
+def _most_moved_first(bodies: list[Body], inside: dict[int, int], targets: set[int]) -> list[Body]:
+    """The bodies that targets are `inside`, by their numbers: known ones first, and those of which half is moved."""
+    hits = Counter(inside[node] for node in targets if node in inside)
+    most = max(hits.values(), default=0)
+    order = sorted(hits, key=lambda k: (not bodies[k].known, hits[k] < bodies[k].half(most), k))
+    return [bodies[k] for k in order]
 
 
 def _chosen(nodes: Nodes, listed: _Listed, wanted: str) -> _Animation:
     """The animation of a name, else the first one that moves a body. FileError."""
-    wanted = printable(wanted)[: 2 * MAX_SHOWN]
-    if wanted and wanted not in listed:
-        raise nodes.file.error(f"no animation {wanted!r}.", f"It has {', '.join(list(listed)[:40])}.")
+    if wanted:
+        wanted = printable(wanted)[: 2 * MAX_SHOWN]
+        if wanted not in listed:
+            raise nodes.file.error(f"no animation {wanted!r}.", f"It has {', '.join(list(listed)[:40])}.")
+        listed = {wanted: listed[wanted]}
     # a camera, and the empty takes of some programs, come first too
-    read = _as_far_as_needed(nodes, {wanted: listed[wanted]} if wanted else listed)
-    read = [a for a in read if a.body and a.body.known and a.moved] or read
+    read = _as_far_as_needed(nodes, listed)
+    read = [animation for animation in read if animation.known] or read
     most = max(animation.moved for animation in read)
-    first = next((a for a in read if a.channels and (not a.body or a.moved >= a.body.half(most))), None)
+    first = next((animation for animation in read if animation.moves_half(most)), None)
     if first is None:
         raise nodes.file.error("its animation moves no node.", KEYS_REMEDY)
     return first
@@ -216,8 +228,7 @@ def _chosen(nodes: Nodes, listed: _Listed, wanted: str) -> _Animation:
 
 def _note(animation: _Animation, listed: _Listed, bodies: list[Body], wanted: str) -> str:
     """Return a sentence that says what was read and what else the file has; "" if that is all."""
-    further = (body for body in bodies if body.known and body is not animation.body)
-    others = [printable(body.name)[:MAX_SHOWN] for body in further]
+    others = [printable(b.name)[:MAX_SHOWN] for b in bodies if b.known and b is not animation.body]
     texts = []
     if len(listed) > 1 and not wanted:
         more = [label for label in listed if label != animation.label][:MAX_LISTED]
@@ -235,8 +246,7 @@ def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
     read: list[_Animation] = []
     keys = looked_at = moved = 0
     for (label, (entry, body)), most in zip(listed.items(), later, strict=True):
-        used = [entry.samplers[channel.sampler] for channel in entry.channels or []]  # one may be there often
-        keys += sum(accessor_count(nodes.file, key) for each in used for key in (each.input, each.output))
+        keys += _key_count(nodes.file, entry)
         if keys > _room(nodes.file):
             raise nodes.file.error("more keys than a file of its size has.", KEYS_REMEDY)
         read.append(_animation(nodes, label, entry, body))
@@ -246,6 +256,13 @@ def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
         if looked_at > MAX_LOOKED_AT or read[-1].moved >= enough > 0:
             break
     return read
+
+
+def _key_count(file: GltfFile, animation: Entry) -> int:
+    used = [
+        animation.samplers[channel.sampler] for channel in animation.channels or []
+    ]  # one may be there often
+    return sum(file.count(key) for each in used for key in (each.input, each.output))
 
 
 def _room(file: GltfFile) -> float:
@@ -278,30 +295,25 @@ def _times(file: GltfFile, channels: Channels, nodes: int, told: float) -> tuple
     first, keys = keys[0], keys - keys[0]
     near = ON_FRAME_TOLERANCE * (1.0 + keys[-1] / 60.0)  # times have 24 bits
     cubic = any(channel.kind == "CUBICSPLINE" for channel in channels.values())
-    fps = next(
-        fps
-        for fps, sure in _rates(keys, told, cubic)
-        if sure or np.abs(keys * fps - np.round(keys * fps)).max() < near
-    )
+    rates = _rates(keys, told, LEAST_CUBIC_FPS if cubic else LEAST_FPS)
+    fps = next((fps for fps in rates if np.abs(keys * fps - np.round(keys * fps)).max() < near), rates[-1])
     count = int(np.floor(keys[-1] * fps + 1e-3)) + 1
     if count > MAX_FRAMES or count * nodes > min(MAX_JOINT_FRAMES, _room(file)):
         raise file.error(f"an animation of {count} frames.", "Split the clip, or export it baked.")
     return np.asarray(first + np.arange(count) / fps), NTSC.get(fps, fps)
 
 
-def _rates(keys: Array, told: float, cubic: bool) -> Iterator[tuple[float, bool]]:
-    """Rates that the times of keys `(K,)` may have, the first one that has all keys on its frames, or is sure, is it.
+def _rates(keys: Array, told: float, least: float) -> list[float]:
+    """Rates that the times of keys `(K,)` may have: the first that has all keys on its frames is it, else the last.
 
-    The one that is told; that of keys in nearly every frame, as a usual or a whole number; a usual one; that of the keys.
+    They are the one that is told; that of keys in nearly every frame, as a usual or a whole number; usual ones; that
+    of the keys, if that is at least `least`.
     """
-    if 0.0 < told <= MAX_FPS:
-        yield told, False
     steps = np.diff(keys)
     rate = 1.0 / max(float(np.median(steps)), 1e-6) if len(steps) else USUAL_FPS
-    usual = (*USUAL_RATES, *NTSC)
-    least = LEAST_CUBIC_FPS if cubic else LEAST_FPS
-    if len(steps) >= LEAST_STEPS and least <= rate <= MAX_FPS:
+    usual, likely = (*USUAL_RATES, *NTSC), least <= rate <= MAX_FPS
+    rates = [told] if 0.0 < told <= MAX_FPS else []
+    if len(steps) >= LEAST_STEPS and likely:
         nearest = (*(fps for fps in usual if abs(fps - rate) < 2e-3 * fps), float(round(rate)))
-        yield from ((fps, False) for fps in nearest if len(steps) > DENSE_FRACTION * keys[-1] * fps)
-    yield from ((fps, False) for fps in usual)
-    yield rate if least <= rate <= MAX_FPS else USUAL_FPS, True
+        rates += [fps for fps in nearest if len(steps) > DENSE_FRACTION * keys[-1] * fps]
+    return [*rates, *usual, rate if likely else USUAL_FPS]

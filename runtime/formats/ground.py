@@ -30,7 +30,7 @@ def names_ground(clip: Clip) -> bool:
 
 
 def ground_spec(clip: Clip, clip_path: Path | None = None, chosen: str | None = None) -> str:
-    """Name or file of the ground under `clip`: `chosen`, or the one of its metadata.
+    """Return the name or file of the ground under `clip`: `chosen`, or the one of its metadata.
 
     Metadata keep only the name of a ground from a file: it is looked for as it is, and next to the clip. FileError when
     it is in neither place, with the remedy to name it.
@@ -50,14 +50,14 @@ def ground_spec(clip: Clip, clip_path: Path | None = None, chosen: str | None = 
 
 
 def ground_of(clip: Clip, clip_path: Path | None = None, chosen: str | None = None) -> Terrain:
-    """The terrain of `ground_spec`, as the body that the clip was made for sees it."""
+    """Return the terrain of `ground_spec`, as the body that the clip was made for sees it."""
     return load_terrain(ground_spec(clip, clip_path, chosen)).seen_by(clip.size)
 
 
 def ground_mesh(
     terrain: Terrain, take: PreparedTake, most: int | None = None, margin_m: float = MARGIN_M
 ) -> tuple[Array, NDArray[np.uint32]]:
-    """Vertices `(V, 3)` in the lengths of the take where the take stands on them, and triangles `(F, 3)`, counter-clockwise from above.
+    """Return vertices `(V, 3)` in the lengths of the take, under it, and triangles `(F, 3)`, counter-clockwise from above.
 
     Every sample of the height map is a vertex, so heights there are exact; a level ground is two triangles.
     """

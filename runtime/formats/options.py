@@ -58,7 +58,7 @@ class ExportSpec(Spec):
 
 
 def option(default: Any, formats: frozenset[str] = frozenset(), flag: str = "", **spec: Any) -> Any:
-    """A field of a dataclass with its `ExportSpec`."""
+    """Return a field of a dataclass with its `ExportSpec`."""
     return field(default=default, metadata={"spec": ExportSpec(formats=formats, flag=flag, **spec)})
 
 
@@ -195,16 +195,16 @@ class ExportOptions:
 
     @property
     def rooted(self) -> bool:
-        """Whether there is a root joint on the ground: by itself, or since the engine wants it."""
+        """Return whether there is a root joint on the ground: as an option, or since the engine expects one."""
         return self.ground_root or (self.engine is not None and engine_of(self.engine).ground_root)
 
     @property
     def bones(self) -> Mapping[str, str]:
-        """What the engine's humanoid calls our joints; empty without an engine."""
+        """The names of our joints in the engine's humanoid; empty without an engine."""
         return {} if self.engine is None else engine_of(self.engine).bones
 
     def check(self) -> None:
-        """UsageError names the option that cannot be used."""
+        """Check the options together; UsageError names the one that cannot be used."""
         for name, usable, problem, remedy in _RULES:
             if not usable(self):
                 raise UsageError(problem(self), remedy, name)

@@ -23,7 +23,7 @@ Check = Callable[[], None]  # called again and again while a file is made: ends 
 
 
 def go_on() -> None:
-    """A `Check` of an export that is not cancelled."""
+    """Do nothing: the `Check` of an export that is not cancelled."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,9 @@ class PreparedTake:
 
 
 def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) -> PreparedTake:
-    """`clip` as `options` ask for it, on its `terrain` (None: on the level of its lowest sole). UsageError as in `check`."""
+    """Make of `clip` what `options` ask for, on its `terrain` (None: on the level of its lowest sole). UsageError as in `check`."""
     options.check()
-    terrain, there = None if clip.placed is None else terrain, placement_of(clip)
-    terrain = None if terrain is None else terrain.seen_by(clip.size)
+    terrain = None if terrain is None or clip.placed is None else terrain.seen_by(clip.size)
     at_rate = with_contacts(on_its_ground(clip), terrain).resampled(options.fps)
     track = root_track(at_rate, terrain)
     if clip.placed is None:  # a take in place, whose root was written at the origin
@@ -51,11 +50,7 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     taken, track = _in_range(at_rate, track, options)
     if options.loop:
         taken, track = make_loop(taken, track, options.strides)
-    placement = there
-    if options.at_origin:
-        turn = Placement(0.0 - float(track.yaw[0]))
-        x, y, z = (0.0 - float(v) for v in turn.points(track.positions[0]))
-        placement = Placement(turn.yaw, (x, y, z))
+    placement = _placement(clip, track, options)
     if not placement.identity:
         taken, track = placement.clip(taken), track.moved(placement)
     if options.in_place:
@@ -68,13 +63,19 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     return PreparedTake(_printable(taken), track, placement, options.rest_frame)
 
 
+def _placement(clip: Clip, track: RootTrack, options: ExportOptions) -> Placement:
+    """The placement that a clip has, or by which its root begins at the origin, facing +Z."""
+    if not options.at_origin:
+        return placement_of(clip)
+    turn = Placement(0.0 - float(track.yaw[0]))
+    x, y, z = (0.0 - float(v) for v in turn.points(track.positions[0]))
+    return Placement(turn.yaw, (x, y, z))
+
+
 def _printable(clip: Clip) -> Clip:
     """Return the clip with texts that can be written: names of files may be any bytes."""
-    prompts = [
-        replace(e, prompt=printable(e.prompt), words=printable(e.words), typed=printable(e.typed))
-        for e in clip.prompts
-    ]
-    return replace(clip, name=printable(clip.name), prompts=tuple(prompts))
+    prompts = tuple(event.rewritten(printable) for event in clip.prompts)
+    return replace(clip, name=printable(clip.name), prompts=prompts)
 
 
 def placement_of(clip: Clip) -> Placement:
@@ -84,13 +85,13 @@ def placement_of(clip: Clip) -> Placement:
 
 
 def on_its_ground(clip: Clip) -> Clip:
-    """The clip back in its place on its ground, whatever export moved it elsewhere; what lost its ground stays."""
+    """Put a clip back in its place on its ground, wherever an export moved it; what lost its ground stays."""
     placement = placement_of(clip)
     return clip if placement.identity else replace(placement.inverse().clip(clip), placed=UNMOVED)
 
 
 def with_contacts(clip: Clip, terrain: Terrain | None) -> Clip:
-    """The clip, on its ground, with the contacts that its motion shows where it has none; a file may have lost them."""
+    """Give a clip on its ground the contacts that its motion shows if it has none, as from a file that lost them."""
     if clip.contacts.any():
         return clip
     ground = None if terrain is None else terrain.seen_by(clip.size)
@@ -101,11 +102,8 @@ def _in_range(clip: Clip, track: RootTrack, options: ExportOptions) -> tuple[Cli
     first = round(options.start_s * clip.fps)
     last = len(clip) - 1 if options.end_s is None else min(round(options.end_s * clip.fps), len(clip) - 1)
     if not 0 <= first <= last:
-        raise UsageError(
-            f" {options.start_s:g}: the clip lasts {clip.seconds:.1f} s.",
-            "Choose an earlier start.",
-            "start_s",
-        )
+        problem = f" {options.start_s:g}: the clip lasts {clip.seconds:.1f} s."
+        raise UsageError(problem, "Choose an earlier start.", "start_s")
     whole = (first, last) == (0, len(clip) - 1)
     return (clip, track) if whole else (clip.trim(first, last), track.cut(first, last))
 
@@ -116,11 +114,9 @@ def _with_rest_frame(clip: Clip, track: RootTrack) -> tuple[Clip, RootTrack]:
     local[0, 0] = rotations.from_yaw(float(track.yaw[0]))
     hips = (track.positions[:1] + np.array([0.0, REST_HIPS_HEIGHT, 0.0])).astype(np.float32)
     later = 1.0 / clip.fps
+    rest = (hips, local, np.ones_like(clip.contacts[:1]))
     begun = replace(
-        clip,
-        hips_positions=np.concatenate([hips, clip.hips_positions]),
-        local_rotations=np.concatenate([local.astype(np.float32), clip.local_rotations]),
-        contacts=np.concatenate([np.ones_like(clip.contacts[:1]), clip.contacts]),
+        clip.posed(*(np.concatenate(pair) for pair in zip(rest, clip.arrays, strict=True))),
         gaits=None if clip.gaits is None else np.concatenate([clip.gaits[:1], clip.gaits]),
         prompts=tuple(replace(event, seconds=event.seconds + later) for event in clip.prompts),
     )

@@ -65,7 +65,7 @@ class OpenedTake:
 
 
 def open_take(path: Path, animation: str = "") -> OpenedTake:
-    """A motion of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours. FileError.
+    """Read a motion of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours. FileError.
 
     BVH, glTF, VRMA or FBX; of several animations the one of a name, else the first that moves a body.
     """

@@ -57,7 +57,7 @@ def sidecar_path(bvh: Path) -> Path:
 
 
 def format_metadata(clip: Clip, bvh_text: str) -> str:
-    """The JSON text for a clip whose BVH has this text; a ground from a file goes by the file's name alone."""
+    """Return the JSON text for a clip whose BVH has this text; a ground from a file goes by the file's name alone."""
     value = {
         **_metadata(clip),
         "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),
@@ -85,7 +85,7 @@ def _metadata(clip: Clip) -> dict[str, Any]:
 
 
 def foot_tracks(clip: Clip) -> dict[str, dict[str, list[float]]]:
-    """Contacts (0 to 1) of each sole point and the phase of each foot (radians, `NO_PHASE_ANGLE` without one), frame by frame."""
+    """Return, frame by frame, contacts (0 to 1) of each sole point and the phase of each foot (radians or `NO_PHASE_ANGLE`)."""
     phases = np.nan_to_num(foot_phases(clip), nan=NO_PHASE_ANGLE)
     columns = (("contacts", CONTACTS, clip.contacts), ("phase", FEET, phases))
     return {
@@ -95,7 +95,7 @@ def foot_tracks(clip: Clip) -> dict[str, dict[str, list[float]]]:
 
 
 def foot_phases(clip: Clip) -> NDArray[np.float32]:
-    """Phases `(T, 2)` of the feet: 0 where one comes down, 2 pi where it does so again; NaN before, after, and at rest."""
+    """Return phases `(T, 2)` of feet: 0 where one comes down, 2 pi where it does so again; NaN before, after, and at rest."""
     phases = np.full((len(clip), len(FEET)), np.nan, np.float32)
     for foot in range(len(FEET)):
         down = clip.contacts[:, 2 * foot : 2 * foot + 2].max(axis=1) > 0.5
@@ -106,7 +106,7 @@ def foot_phases(clip: Clip) -> NDArray[np.float32]:
 
 
 def read_sidecar(bvh: Path) -> Any:
-    """The metadata in the file next to a BVH, None without one that belongs to that very BVH.
+    """Return the metadata in the file next to a BVH, None without one that belongs to that very BVH.
 
     A take from an older program has none, and a motion can be opened whatever stands next to it: damage is a warning in the log.
     """
@@ -126,7 +126,7 @@ def read_sidecar(bvh: Path) -> Any:
 
 
 def clip_fields(value: Any, path: Path, fps: float, frames: int) -> dict[str, Any]:
-    """Fields of a `Clip` by metadata that are not trusted; those that are missing or of another type have their defaults.
+    """Read fields of a `Clip` from metadata that are not trusted; those that are missing or wrong have their defaults.
 
     Contacts are zeros where nothing is known of them, and all that is known where `value` is no metadata of a take.
     """
@@ -191,7 +191,7 @@ def _placed(value: Any) -> tuple[float, ...] | None:
 
 
 def markers(clip: Clip) -> list[dict[str, Any]]:
-    """Markers `{"kind": "prompt" | "gait", "name", "seconds", "frame"}` in the order of time.
+    """Return markers `{"kind": "prompt" | "gait", "name", "seconds", "frame"}` in the order of time.
 
     Gaits are there where the clip knows them frame by frame.
     """
@@ -204,7 +204,7 @@ def markers(clip: Clip) -> list[dict[str, Any]]:
 
 
 def take_extras(take: PreparedTake) -> dict[str, Any]:
-    """What a GLB keeps in `extras` under "sport": the metadata, markers, loop, rest frame, and what the feet do."""
+    """Return what a GLB keeps in `extras` under "sport": the metadata, markers, loop, rest frame, and the tracks of the feet."""
     clip = take.clip
     return {
         **_metadata(clip),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class ExportCancelled(SportError):
-    """The user has stopped an export; nothing was written."""
+    """An export that the user has stopped; nothing was written."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Format:
         return not self.write
 
     def check_program(self, path: Path) -> None:
-        """UsageError says which library is missing that writes this format, and how to get it."""
+        """Check the libraries that write this format; UsageError says which one is missing, and how to get it."""
         missing = [package for name, package in self.needs if importlib.util.find_spec(name) is None]
         if missing:
             problem = f"{path}: {' and '.join(missing)}, which writes it, is not installed."
@@ -80,7 +80,7 @@ FORMATS = {format.suffix: format for format in _TABLE}
 
 
 def format_of(path: Path) -> Format:
-    """The format that a file's name says; UsageError lists those that are written."""
+    """Return the format that a file's name says; UsageError lists those that are written."""
     found = FORMATS.get(path.suffix.lower())
     if found is not None:
         return found
@@ -101,11 +101,8 @@ def check_export(path: Path, options: ExportOptions) -> None:
         if refuses and getattr(options, entry.name) != entry.default:
             able = ", ".join(suffix for suffix in FORMATS if suffix in spec.formats)
             beside = " Write the ground beside it with --ground-out." if entry.name == "with_ground" else ""
-            raise UsageError(
-                f": nothing that a {format.suffix} file has; {able} have it.",
-                f"Leave it out.{beside}",
-                entry.name,
-            )
+            problem = f": nothing that a {format.suffix} file has; {able} have it."
+            raise UsageError(problem, f"Leave it out.{beside}", entry.name)
     format.check_program(path)
 
 

@@ -21,17 +21,8 @@ from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.atomic import atomic_path, temporary_folder
 from runtime.character.mesh import skin_joints
-from runtime.character.read import (
-    Entry,
-    GltfFile,
-    ancestors,
-    buffer_view_bytes,
-    nearest_of,
-    node_world_matrices,
-    open_gltf,
-    read_accessor,
-    skeleton_nodes,
-)
+from runtime.character.nodes import Nodes
+from runtime.character.read import Entry, GltfFile, open_gltf
 from runtime.errors import FileError
 from runtime.formats.glb import further_takes, glb_document
 from runtime.formats.options import ExportOptions
@@ -89,14 +80,13 @@ class _Stage:
         from pxr import Gf, Sdf, Usd, UsdGeom
 
         self.file, self.takes, self.textures = file, takes, textures
-        self.order, self.parents = ancestors(file)
-        self.world = node_world_matrices(file, self.order, self.parents)
-        skins = file.gltf.skins or []
-        wanted = skeleton_nodes(file, self.order, self.parents)
-        self.joints = [node for node in self.order if node in wanted]  # parents first
+        nodes = Nodes(file)
+        self.order, self.parents, self.world = nodes.order, nodes.parents, nodes.rest
+        skins, skeleton = file.gltf.skins or [], nodes.skeleton
+        self.joints = [node for node in self.order if node in skeleton]  # parents first
         self.names = unique_names([self.file.gltf.nodes[node].name or "" for node in self.joints])
         self.slot = {node: k for k, node in enumerate(self.joints)}
-        self.carriers = nearest_of(self.order, self.parents, self.slot)
+        self.carriers = nodes.nearest(self.slot)
         self.stage = Usd.Stage.CreateNew(str(layer))
         UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.y)
         UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
@@ -104,7 +94,7 @@ class _Stage:
         self.stage.SetFramesPerSecond(takes[0].clip.fps)
         self.stage.SetStartTimeCode(0)
         self.stage.SetEndTimeCode(max(len(take.clip) for take in takes) - 1)
-        self.Gf, self.Sdf, self.Usd = Gf, Sdf, Usd
+        self.Gf, self.Sdf = Gf, Sdf
         self.skins = [self._skin(k) for k in range(len(skins))]
         self._materials: dict[int, Any] = {}
 
@@ -207,7 +197,7 @@ class _Stage:
         turns = np.tile(rotations.from_matrix(rest[:, :3, :3] / scales[:, None]), (frames, 1, 1))
         for channel in entry.channels:
             sampler = entry.samplers[channel.sampler]
-            values, k = read_accessor(self.file, sampler.output, "a track"), self.slot[channel.target.node]
+            values, k = self.file.values(sampler.output, "a track"), self.slot[channel.target.node]
             if channel.target.path == "rotation":
                 turns[:, k] = values[:, [3, 0, 1, 2]]
             elif channel.target.path == "translation":
@@ -246,7 +236,7 @@ class _Stage:
         from pxr import UsdGeom, Vt
 
         points, normals, uv, colors = (
-            np.ascontiguousarray(read_accessor(self.file, index, name), np.float32)
+            np.ascontiguousarray(self.file.values(index, name), np.float32)
             if (index := primitive.attributes.get(name)) is not None
             else None
             for name in ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0")
@@ -255,7 +245,7 @@ class _Stage:
         count = len(points)
         indices = np.arange(count)
         if primitive.indices is not None:
-            indices = read_accessor(self.file, primitive.indices, "indices").ravel()
+            indices = self.file.values(primitive.indices, "indices").ravel()
         triangles = np.ascontiguousarray(indices[: len(indices) // 3 * 3], np.int32)
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
         mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(triangles) // 3, 3, np.int32)))
@@ -305,7 +295,7 @@ class _Stage:
     def _influences(self, primitive: Entry, name: str) -> AnyArray:
         """Joints or weights `(V, 4 or 8)` of a primitive."""
         sets = [primitive.attributes.get(f"{name}_{k}") for k in (0, 1)]
-        return np.concatenate([read_accessor(self.file, k, name) for k in sets if k is not None], axis=1)
+        return np.concatenate([self.file.values(k, name) for k in sets if k is not None], axis=1)
 
     def _material(self, index: int) -> Any:
         """A preview surface with base colour (a texture in a package, else the mesh's colours), roughness and metal."""
@@ -316,53 +306,65 @@ class _Stage:
         path = f"{ROOT}/materials/{re.sub('[^A-Za-z0-9_]', '_', f'm{index}_' + (entry.name or ''))}"
         self.stage.DefinePrim(f"{ROOT}/materials", "Scope")
         material = UsdShade.Material.Define(self.stage, path)
-        shader = UsdShade.Shader.Define(self.stage, f"{path}/surface")
-        shader.CreateIdAttr("UsdPreviewSurface")
-        shader.CreateInput("roughness", types.Float).Set(float(surface.get("roughnessFactor", 1.0)))
-        shader.CreateInput("metallic", types.Float).Set(float(surface.get("metallicFactor", 1.0)))
-        factor = [float(v) for v in surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))]
-        color = shader.CreateInput("diffuseColor", types.Color3f)
-        color.Set(tuple(factor[:3]))
-        file = None if surface.baseColorTexture is None else self._texture(surface.baseColorTexture.index)
-        if file is not None:
-            st = self._primvar(f"{path}/reader", "float2", "st")
-            texture = UsdShade.Shader.Define(self.stage, f"{path}/texture")
-            texture.CreateIdAttr("UsdUVTexture")
-            texture.CreateInput("file", types.Asset).Set(file)
-            texture.CreateInput("sourceColorSpace", types.Token).Set("sRGB")
-            texture.CreateInput("scale", types.Float4).Set(tuple(factor))
-            for axis in ("wrapS", "wrapT"):
-                texture.CreateInput(axis, types.Token).Set("repeat")
-            texture.CreateInput("st", types.Float2).ConnectToSource(st)
-            color.ConnectToSource(texture.CreateOutput("rgb", types.Float3))
-        elif surface.baseColorTexture is None:
-            used = [p for mesh in self.file.gltf.meshes for p in mesh.primitives if p.material == index]
-            if all("COLOR_0" in p.attributes for p in used):  # the colours of the vertices
-                reader = f"{path}/reader", "float3", "displayColor"
-                color.ConnectToSource(self._primvar(*reader, tuple(factor[:3])))
+        factor = tuple(float(v) for v in surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
+        shader = self._shader(
+            f"{path}/surface", "UsdPreviewSurface",
+            roughness=(types.Float, float(surface.get("roughnessFactor", 1.0))),
+            metallic=(types.Float, float(surface.get("metallicFactor", 1.0))),
+            diffuseColor=(types.Color3f, factor[:3]),
+        )  # fmt: skip
+        color = self._color(path, index, surface.baseColorTexture, factor)
+        if color is not None:
+            shader.GetInput("diffuseColor").ConnectToSource(color)
         material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
         return material
 
-    def _primvar(self, path: str, kind: str, name: str, fallback: tuple[float, ...] | None = None) -> Any:
+    def _color(self, path: str, index: int, texture: Entry | None, factor: tuple[float, ...]) -> Any:
+        """The output of a shader that reads a texture, or else the colours of the vertices; None where neither is there."""
+        types = self.Sdf.ValueTypeNames
+        if texture is None:
+            used = [p for mesh in self.file.gltf.meshes for p in mesh.primitives if p.material == index]
+            colored = all("COLOR_0" in p.attributes for p in used)
+            return (
+                self._primvar(f"{path}/reader", "displayColor", types.Float3, factor[:3]) if colored else None
+            )
+        file = self._texture(texture.index)
+        if file is None:
+            return None
+        st = self._primvar(f"{path}/reader", "st", types.Float2)
+        shader = self._shader(
+            f"{path}/texture", "UsdUVTexture",
+            file=(types.Asset, file), sourceColorSpace=(types.Token, "sRGB"), scale=(types.Float4, factor),
+            wrapS=(types.Token, "repeat"), wrapT=(types.Token, "repeat"),
+        )  # fmt: skip
+        shader.CreateInput("st", types.Float2).ConnectToSource(st)
+        return shader.CreateOutput("rgb", types.Float3)
+
+    def _primvar(self, path: str, name: str, kind: Any, fallback: tuple[float, ...] | None = None) -> Any:
         """The output of a shader that reads a primvar of the mesh."""
+        types = self.Sdf.ValueTypeNames
+        reader = self._shader(path, f"UsdPrimvarReader_{kind}", varname=(types.String, name))
+        output = reader.CreateOutput("result", kind)
+        if fallback is not None:
+            reader.CreateInput("fallback", kind).Set(fallback)
+        return output
+
+    def _shader(self, path: str, name: str, **inputs: tuple[Any, Any]) -> Any:
+        """A shader of a name with the type and the value of each of its inputs."""
         from pxr import UsdShade
 
-        types = self.Sdf.ValueTypeNames
-        result = {"float2": types.Float2, "float3": types.Float3}[kind]
-        reader = UsdShade.Shader.Define(self.stage, path)
-        reader.CreateIdAttr(f"UsdPrimvarReader_{kind}")
-        reader.CreateInput("varname", types.String).Set(name)
-        output = reader.CreateOutput("result", result)
-        if fallback is not None:
-            reader.CreateInput("fallback", result).Set(fallback)
-        return output
+        shader = UsdShade.Shader.Define(self.stage, path)
+        shader.CreateIdAttr(name)
+        for field, (kind, value) in inputs.items():
+            shader.CreateInput(field, kind).Set(value)
+        return shader
 
     def _texture(self, index: int) -> str | None:
         """The name of a texture's file next to the layer; None where the form has none, or for other images."""
         source = self.file.gltf.textures[index].source
         if self.textures is None or source is None:
             return None
-        data = bytes(buffer_view_bytes(self.file, self.file.gltf.images[source].bufferView, "an image"))
+        data = bytes(self.file.view_bytes(self.file.gltf.images[source].bufferView, "an image"))
         ending = next((end for head, end in IMAGE_ENDINGS.items() if data.startswith(head)), None)
         if ending is None:
             return None
@@ -372,7 +374,7 @@ class _Stage:
 
 
 def unique_names(names: Sequence[str]) -> list[str]:
-    """Identifiers of USD, letters of any script among them, each there once: some readers know joints by name alone."""
+    """Make identifiers of USD of names, each there once, with letters of any script: some readers know joints by name alone."""
     from pxr import Sdf
 
     found: dict[str, None] = {}

@@ -38,13 +38,13 @@ class CameraKey:
 
 
 def with_key(keys: Sequence[CameraKey], key: CameraKey, fps: float) -> tuple[CameraKey, ...]:
-    """The keys with another one, in the place of one at the same frame."""
+    """Return the keys with another one, in the place of one at the same frame."""
     kept = [k for k in keys if round(k.seconds * fps) != round(key.seconds * fps)]
     return tuple(sorted([*kept, key], key=lambda k: k.seconds))
 
 
 def view_at(keys: Sequence[CameraKey], seconds: float) -> CameraKey:
-    """The view at a time: on cubics through the keys that rest at the first and the last one (Catmull and Rom 1974)."""
+    """Return the view at a time, on cubics through the keys that rest at the first and the last (Catmull and Rom 1974)."""
     at = np.array([key.seconds for key in keys])
     values = np.array([astuple(key)[1:] for key in keys])
     values[:, 0] = np.unwrap(values[:, 0])

@@ -50,12 +50,16 @@ class Clip:
         if not 0.0 < self.fps <= MAX_FPS:
             raise ValueError(f"clip of {self.fps} frames per second: expected 0 to {MAX_FPS:.0f}")
         if not MIN_SIZE <= self.size <= MAX_SIZE:
-            raise ValueError(
-                f"clip of a body of {self.size} times our size: expected {MIN_SIZE} to {MAX_SIZE}"
-            )
+            problem = f"clip of a body of {self.size} times our size: expected {MIN_SIZE} to {MAX_SIZE}"
+            raise ValueError(problem)
 
     def __len__(self) -> int:
         return len(self.hips_positions)
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """The hips, local rotations and contacts."""
+        return self.hips_positions, self.local_rotations, self.contacts
 
     def move(self, hips_positions: Array, local_rotations: Array, contacts: Array) -> None:
         """Hold equal arrays in place of its own, which are somewhere else in memory or in a file."""
@@ -64,7 +68,7 @@ class Clip:
         object.__setattr__(self, "contacts", contacts)
 
     def posed(self, hips: Array, local: Array, contacts: Array | None = None) -> Clip:
-        """The clip with other hips `(T, 3)`, local rotations `(T, 31, 4)` and perhaps contacts `(T, 4)`, as float32."""
+        """Return the clip with other hips `(T, 3)`, local rotations `(T, 31, 4)` and perhaps contacts `(T, 4)`, float32."""
         return replace(
             self,
             hips_positions=np.asarray(hips, np.float32),
@@ -74,44 +78,43 @@ class Clip:
 
     @property
     def seconds(self) -> float:
+        """The time from the first frame to the last."""
         return (len(self) - 1) / self.fps
 
     def describe(self) -> str:
-        """How it was made, in some lines for a person; "" when nothing is known."""
+        """Describe how the clip was made in some lines for a person; "" when nothing is known."""
         return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
 
     def pose(self, i: int, ground_m: float = 0.0) -> Pose:
-        """The pose of frame `i`; `ground_m` is the height of the terrain under it."""
+        """Return the pose of frame `i`; `ground_m` is the height of the terrain under it."""
         return _pose(self.hips_positions[i], self.local_rotations[i], self.contacts[i], ground_m)
 
     def sample(self, seconds: float, ground_m: float = 0.0) -> Pose:
-        """The pose at a time, interpolated; times outside the clip give its ends."""
+        """Return the pose at a time, interpolated; times outside the clip give its ends."""
         hips, local, contacts = self._at(np.array([seconds]))
         return _pose(hips[0], local[0], contacts[0], ground_m)
 
     def world(self) -> tuple[Array, Array]:
-        """World positions `(T, 31, 3)` and rotations `(T, 31, 4)`."""
+        """Return world positions `(T, 31, 3)` and rotations `(T, 31, 4)`."""
         return SPORT_SKELETON.forward_kinematics(self.hips_positions, self.local_rotations)
 
     def trim(self, first: int, last: int) -> Clip:
+        """Return the frames `first` to `last` as a clip; UsageError where it has not these."""
         if not 0 <= first <= last < len(self):
-            raise UsageError(
-                f"trim {first} to {last}: the clip has frames 0 to {len(self) - 1}.", "Choose others."
-            )
+            problem = f"trim {first} to {last}: the clip has frames 0 to {len(self) - 1}."
+            raise UsageError(problem, "Choose others.")
         keep = slice(first, last + 1)
         gaits = None if self.gaits is None else self.gaits[keep]
         return replace(
-            self,
+            self.posed(*(array[keep] for array in self.arrays)),
             loop=None,
             gaits=gaits,
             gait_seconds=gait_seconds(gaits, self.fps),
-            hips_positions=self.hips_positions[keep],
-            local_rotations=self.local_rotations[keep],
-            contacts=self.contacts[keep],
             prompts=shift_prompts(self.prompts, first / self.fps, (last - first) / self.fps),
         )
 
     def resampled(self, fps: float) -> Clip:
+        """Return the clip at another rate; UsageError for one that no clip has."""
         if not 0.0 < fps <= MAX_FPS:
             raise UsageError(f"{fps} frames per second: expected 0 to {MAX_FPS:.0f}.", "Try 60 or 30.")
         if fps == self.fps:
@@ -160,7 +163,7 @@ def _cubic(t: Array, has_before: NDArray[np.bool_], has_after: NDArray[np.bool_]
 
 
 def stacked(poses: Sequence[Pose]) -> tuple[Array, Array, Array]:
-    """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of poses, float32."""
+    """Return hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of poses, float32."""
     names = ("hips_position", "local_rotations", "contacts")
     hips, local, contacts = (
         np.stack([getattr(pose, name) for pose in poses]).astype(np.float32) for name in names
@@ -169,7 +172,7 @@ def stacked(poses: Sequence[Pose]) -> tuple[Array, Array, Array]:
 
 
 def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:
-    """Whether every frame can be shown: hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)`; nor NaN."""
+    """Return whether every frame can be shown: hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)`; nor NaN."""
     norms = np.sqrt(np.einsum("...i,...i", rotations, rotations))
     return bool(
         (np.abs(hips) <= MAX_DISTANCE_M).all()
@@ -179,7 +182,7 @@ def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:
 
 
 def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:
-    """Events seen from `start` on: the one in force there, and those within `length` seconds after it."""
+    """Return events seen from `start` on: the one in force there, and those within `length` seconds after it."""
     before = [e for e in events if e.seconds <= start]
     within = [e for e in events if start < e.seconds <= start + length]
     kept = []

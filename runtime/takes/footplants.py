@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime import rotations
-from runtime.arrays import Array
+from runtime.arrays import AnyArray, Array
 from runtime.easing import smoothstep
 from runtime.errors import UsageError
 from runtime.feet.ik import LEG_FEET, LEG_THIGHS, LEG_TOES, solve_legs
@@ -38,14 +38,18 @@ class FootplantEdit:
 
 
 def footplants(contacts: Array) -> list[Frames]:
-    """Frames in which a heel or a toe of one foot bears: `contacts` `(T, 2)`."""
-    down = np.concatenate([[False], (np.asarray(contacts) > BEARING_CONTACT_THRESHOLD).any(axis=1), [False]])
-    edges = np.flatnonzero(np.diff(down.astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    """Return the stretches of frames in which a heel or a toe of one foot bears: `contacts` `(T, 2)`."""
+    return stretches(np.any(np.asarray(contacts) > BEARING_CONTACT_THRESHOLD, axis=1))
+
+
+def stretches(flags: AnyArray) -> list[Frames]:
+    """Return the stretches of frames in which flags `(T,)` hold."""
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
 def fitted_footplant(known: Sequence[Frames], count: int, old: Frames | None, start: int, end: int) -> Frames:
-    """Where a plant of a foot may go that is to last from `start` to `end`; UsageError where there is no room.
+    """Return the frames nearest to `start` and `end` that a plant of a foot may have; UsageError where there is no room.
 
     `known` are the plants of the foot in a clip of `count` frames, `old` that which is moved.
     """
@@ -66,12 +70,12 @@ def fitted_footplant(known: Sequence[Frames], count: int, old: Frames | None, st
 
 
 def replanted(clip: Clip, edits: Sequence[FootplantEdit]) -> Clip:
-    """The clip with the plants changed, one edit after the other; edits that no longer fit the clip are left out."""
+    """Change the plants of a clip, one edit after the other; edits that no longer fit it are left out."""
     return _each(clip, edits)[0]
 
 
 def unfitted(clip: Clip, edits: Sequence[FootplantEdit]) -> int:
-    """How many edits `replanted` leaves out: the take has other steps by now."""
+    """Count the edits that `replanted` leaves out since the take has other steps by now."""
     return _each(clip, edits)[1]
 
 
@@ -85,12 +89,9 @@ def _each(clip: Clip, edits: Sequence[FootplantEdit]) -> tuple[Clip, int]:
             left_out += 1
             continue
         if made is clip:
-            arrays = (a.copy() for a in (clip.hips_positions, clip.local_rotations, clip.contacts))
-            made = _with_arrays(clip, *arrays)
-        around = _replanted(
-            _with_arrays(made, *(a[part] for a in _arrays(made))), *_shifted(edit, known, part)
-        )
-        for whole, inside in zip(_arrays(made), _arrays(around), strict=True):
+            made = clip.posed(*(array.copy() for array in clip.arrays))
+        around = _replanted(made.trim(part.start, part.stop - 1), *_shifted(edit, known, part))
+        for whole, inside in zip(made.arrays, around.arrays, strict=True):
             whole[part] = inside
     return made, left_out
 
@@ -98,15 +99,6 @@ def _each(clip: Clip, edits: Sequence[FootplantEdit]) -> tuple[Clip, int]:
 def _fits(edit: FootplantEdit, known: list[Frames], part: slice, count: int) -> bool:
     there = edit.old is None or edit.old in known
     return there and max(edit.new or (0, 0)) <= count and part.stop - part.start <= MAX_WINDOW_FRAMES
-
-
-def _arrays(clip: Clip) -> tuple[Array, Array, Array]:
-    return clip.hips_positions, clip.local_rotations, clip.contacts
-
-
-def _with_arrays(clip: Clip, hips: Array, local: Array, contacts: Array) -> Clip:
-    gaits = clip.gaits if len(hips) == len(clip) else None
-    return replace(clip, hips_positions=hips, local_rotations=local, contacts=contacts, gaits=gaits)
 
 
 def _window(edit: FootplantEdit, known: list[Frames], count: int) -> slice:

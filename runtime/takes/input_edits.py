@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-from runtime.takes.input_recording import InputFrame, InputFrames, InputRecording, StyleChange, follows_live
+from runtime.takes.input_recording import InputFrame, InputFrames, InputRecording, StyleChange
 from runtime.takes.metadata import PromptEvent, gait_of
+from runtime.takes.recorder import follows_live
 
 SETTLE_STEPS = 60  # before the clip, in which hands reach the place that new words give them
 SLIVER_FRAMES = 6  # shorter remains of a span under another one cannot be seen and go to their neighbour
@@ -59,12 +60,12 @@ class GaitSpan(Span):
 
 
 def prompt_spans(inputs: InputRecording) -> list[PromptSpan]:
-    """The prompts of the clip from its first frame to its last."""
+    """Return the prompts of the clip from its first frame to its last."""
     groups: list[list[StyleChange]] = []
     for change in inputs.changes:
         if isinstance(change, StyleChange) and change.frame < len(inputs):
             begun = groups and (groups[-1][0].frame, groups[-1][-1].event)
-            if begun and follows_live(begun, change):
+            if begun and follows_live(begun, change.frame, change.seconds):
                 groups[-1].append(change)
             else:
                 groups.append([change])
@@ -75,13 +76,12 @@ def prompt_spans(inputs: InputRecording) -> list[PromptSpan]:
 
 
 def gait_spans(gaits: NDArray[np.integer]) -> list[GaitSpan]:
-    """Runs of one gait number in `(T,)`."""
-    cuts = [0, *(np.flatnonzero(np.diff(gaits)) + 1).tolist(), len(gaits)]
-    return [GaitSpan(a, b, int(gaits[a])) for a, b in pairwise(cuts) if b > a]
+    """Return the runs of one gait number in `(T,)`."""
+    return [GaitSpan(block.start, block.end, block.of) for block in _blocks(gaits)]
 
 
 def reworded(inputs: InputRecording, span: PromptSpan, style: StyleChange) -> Edit:
-    """Another style in the place of a span's, from its first frame.
+    """Put another style in the place of a span's, from its first frame.
 
     At the clip's start it is there at once: it comes into force before, in frames that the take does not show.
     """
@@ -111,7 +111,7 @@ class Block(Span):
 
 
 def laid(spans: Sequence[Span], gone: Sequence[int], put: Sequence[Span]) -> list[Block]:
-    """The blocks of a track that has no gaps, after an edit.
+    """Return the blocks of a track that has no gaps, after an edit.
 
     Spans `gone` (by their places) leave their frames to the span before, at the start to the one after. Spans `put` then
     lie over what is there; they are numbered after those of the track. What is left of a span under them is no sliver.
@@ -133,11 +133,11 @@ def laid(spans: Sequence[Span], gone: Sequence[int], put: Sequence[Span]) -> lis
 
 def _blocks(owner: NDArray[np.integer]) -> list[Block]:
     cuts = [0, *(np.flatnonzero(np.diff(owner)) + 1).tolist(), len(owner)]
-    return [Block(a, b, int(owner[a])) for a, b in pairwise(cuts)]
+    return [Block(a, b, int(owner[a])) for a, b in pairwise(cuts) if b > a]
 
 
 def prompts_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[PromptSpan]) -> Edit:
-    """Prompts taken away and laid over others, as `laid` says."""
+    """Take prompts away and lay others over the rest, as `laid` says."""
     spans = prompt_spans(inputs)
     known, blocks = [*spans, *put], laid(spans, gone, put)
     new = _changes_of(blocks, known)
@@ -163,7 +163,7 @@ def _changes_of(blocks: Sequence[Block], known: Sequence[PromptSpan]) -> list[St
 
 
 def with_gait(inputs: InputRecording, first: int, last: int, gait: Gait) -> Edit:
-    """Another gait in the frames `first` to `last`; a jump is pressed for `JUMP_FRAMES`.
+    """Request another gait in the frames `first` to `last`; a jump is pressed for `JUMP_FRAMES`.
 
     Where the stick rests, a gait to move in pushes it fully the way it pointed last; standing lets it go.
     """
@@ -182,7 +182,7 @@ def with_gait(inputs: InputRecording, first: int, last: int, gait: Gait) -> Edit
 
 
 def gaits_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[GaitSpan]) -> Edit:
-    """Gaits taken away and laid over others, as `laid` says."""
+    """Take gaits away and lay others over the rest, as `laid` says."""
     now = inputs.gaits()
     spans = gait_spans(now)
     known, wanted = [*spans, *put], now.copy()

@@ -27,7 +27,7 @@ from runtime.motion.style import StyleMix
 from runtime.pose import Pose
 from runtime.takes.clip import Clip, are_poses, shift_prompts, stacked
 from runtime.takes.metadata import PromptEvent, gait_seconds
-from runtime.takes.recorder import LIVE_SECONDS
+from runtime.takes.recorder import follows_live
 from runtime.terrain.height_map import Terrain
 
 KEYFRAME_STEPS = 120  # between two keyframes: 2 s are made again in about a quarter of a second
@@ -39,7 +39,7 @@ _NOWHERE = (math.nan, math.nan)
 
 @dataclass(frozen=True)
 class InputFrame:
-    """What one simulated step was requested to do, and the settings that may change while it runs."""
+    """The request of one simulated step, and the settings that may change while it runs."""
 
     controls: Controls
     temperature: float
@@ -89,14 +89,14 @@ class InputFrames(Sequence[InputFrame]):
         return InputFrames(np.concatenate([self.rows, later.rows]))
 
     def gaits(self) -> NDArray[np.int8]:
-        """What each frame requested `(T,)`, as `metadata.gait_of` counts gaits."""
+        """Return the gait that each frame requested `(T,)`, as `metadata.gait_of` counts gaits."""
         requested = self.rows[:, 4].astype(np.int8)
         moves = (self.rows[:, :2] != 0.0).any(axis=1)
         return np.where(moves | (requested == Gait.JUMP), requested, np.int8(Gait.STAND))
 
 
 def are_asked(rows: NDArray[np.float64]) -> bool:
-    """Whether rows `(T, COLUMNS)` of a file are what a step can request."""
+    """Return whether rows `(T, COLUMNS)` of a file are what a step can request."""
     move, facing, gait, settings = rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 5:]
     turned = (np.abs(facing) <= MAX_STICK).all(axis=1) | np.isnan(facing).all(axis=1)
     return bool(
@@ -108,7 +108,7 @@ def are_asked(rows: NDArray[np.float64]) -> bool:
 
 
 class Steppable(Protocol):
-    """What is driven: `runtime.motion.controller.Controller`, or a stand-in whose state a snapshot takes."""
+    """A controller to drive: `runtime.motion.controller.Controller`, or a stand-in whose state a snapshot takes."""
 
     temperature: float
     strength: float
@@ -204,32 +204,25 @@ class InputRecording:
         return self.frames[number - self.start]
 
     def ground(self, number: int) -> GroundChange | None:
-        """The ground of a frame; None where it is the controller's own."""
+        """Return the ground of a frame; None where it is the controller's own."""
         found = [c for c in self.changes if isinstance(c, GroundChange) and c.frame <= number]
         return found[-1] if found else None
 
     def gaits(self) -> NDArray[np.int8]:
-        """What was requested in each frame of the clip `(T,)`, as `gait_of` counts gaits."""
+        """Return the gait that each frame of the clip requested `(T,)`, as `gait_of` counts gaits."""
         return self.frames[-self.start :].gaits()
 
     def prompts(self) -> tuple[PromptEvent, ...]:
-        """The clip's prompts with their times; of live changes in quick succession the last, at the time of the first."""
+        """Return the clip's prompts with their times; of live changes in quick succession the last at the time of the first."""
         kept: list[tuple[int, PromptEvent]] = []
         for change in self.changes:
             if not isinstance(change, StyleChange):
                 continue
             at = change.frame
-            if kept and follows_live(kept[-1], change):
+            if kept and follows_live(kept[-1], change.frame, change.seconds):
                 at = kept.pop()[0]
             kept.append((at, replace(change.event, seconds=at / FPS, transition_seconds=change.seconds)))
         return shift_prompts(tuple(event for _, event in kept), 0.0, len(self) / FPS)
-
-
-def follows_live(before: tuple[int, PromptEvent], change: StyleChange) -> bool:
-    """Whether a style change continues a slider's movement that began with the event `before` at its frame."""
-    frame, event = before
-    live = 0.0 < event.transition_seconds <= LIVE_SECONDS and 0.0 < change.seconds <= LIVE_SECONDS
-    return live and change.frame - frame < round(LIVE_SECONDS * FPS)
 
 
 def resimulate(
@@ -239,7 +232,7 @@ def resimulate(
     last_frame: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[Pose], tuple[Keyframe, ...]]:
-    """Poses of the frames `first_frame` to `last_frame` (the end by default), and its keyframes with new ones.
+    """Return poses of the frames `first_frame` to `last_frame` (the end by default), and its keyframes with new ones.
 
     Nothing of `inputs` may have been changed before `first_frame`. `controller` has the model of the take and is left
     after the last frame. `progress` hears the fraction that is done. About 2 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
@@ -260,7 +253,7 @@ def started(
     first_frame: int,
     stick: Callable[[int, Pose | None], Controls | None],
 ) -> tuple[list[Pose], tuple[Keyframe, ...]]:
-    """Poses from `first_frame` on under a `stick`, until that gives None, and the keyframes.
+    """Return poses from `first_frame` on under a `stick`, until that gives None, and the keyframes.
 
     `stick` gets the number of each frame and the pose before it, if that is of `first_frame` or later; before, the recorded
     stick leads to `first_frame`. Settings and changes are those of the inputs, whose last settings hold on.
@@ -306,7 +299,7 @@ def _changes_after(inputs: InputRecording, key: int, first_frame: int) -> dict[i
 
 
 def keyframe_for(inputs: InputRecording, frame: int) -> Keyframe:
-    """The last keyframe before a frame, or the first one of all."""
+    """Return the last keyframe before a frame, or the first one of all."""
     before = [k for k in inputs.keyframes if k.frame < frame]
     return before[-1] if before else inputs.keyframes[0]
 
@@ -325,23 +318,20 @@ def resimulated_take(
     first_frame: int,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[Clip, InputRecording]:
-    """The take of edited inputs: frames before `first_frame` from `clip`, the rest by the recorded stick."""
+    """Return the take of edited inputs: frames before `first_frame` from `clip`, the rest by the recorded stick."""
     poses, keyframes = resimulate(inputs, controller, first_frame, progress=progress)
     made = replace(inputs, keyframes=keyframes)
     return with_poses(clip, made, poses, first_frame), made
 
 
 def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_frame: int) -> Clip:
-    """The clip with other poses from `first_frame` on, and the prompts and gaits of the inputs that made them; FileError."""
+    """Return the clip with other poses from `first_frame` on, and the prompts and gaits of their inputs; FileError."""
     if poses:
         made = stacked(poses)
         if not are_poses(*made):  # a damaged state of a controller may lead anywhere
-            raise FileError(
-                "The take cannot be resimulated: what it was driven by leads to poses that are none.",
-                "Edit it at another place, or record it again.",
-            )
-        old = (clip.hips_positions, clip.local_rotations, clip.contacts)
-        parts = zip(old, made, strict=True)
+            problem = "The take cannot be resimulated: what it was driven by leads to poses that are none."
+            raise FileError(problem, "Edit it at another place, or record it again.")
+        parts = zip(clip.arrays, made, strict=True)
         clip = clip.posed(*(np.concatenate([kept[:first_frame], new]) for kept, new in parts))
     gaits = inputs.gaits()
     return replace(clip, prompts=inputs.prompts(), gaits=gaits, gait_seconds=gait_seconds(gaits, clip.fps))
@@ -374,7 +364,7 @@ class InputRecorder:
         self._numbers.extend(frame.row)
 
     def mark_style(self, style: StyleChange, holds: bool = False) -> None:
-        """A style came into force now, whatever its frame is; or it `holds` already in the controller's state."""
+        """Mark that a style came into force now, whatever its frame is; or it `holds` already in the controller's state."""
         if holds:
             self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
         z = style.z if isinstance(style.z, StyleMix) else np.array(style.z, np.float32)
@@ -384,18 +374,18 @@ class InputRecorder:
         self._changes.append(GroundChange(self.next_frame, name, terrain))
 
     def mark_restart(self, x: float, z: float, yaw: float) -> None:
-        """The character was put to a place, see `Restart`."""
+        """Mark that the character was put to a place, see `Restart`."""
         self._changes.append(Restart(self.next_frame, x, z, yaw))
 
     def forget(self) -> None:
-        """Something happened that cannot be made again: takes that began before it cannot be resimulated."""
+        """Forget all inputs, after what cannot be made again: takes that began before it cannot be resimulated."""
         self._first = self.next_frame
         self._numbers = array("d")
         self._keyframes.clear()
         self._changes = self._still_holding(self._first)
 
     def drop_before(self, frame: int) -> None:
-        """Frames before this number are no longer needed."""
+        """Drop the inputs of frames before this number, which are no longer needed."""
         popped = False
         while len(self._keyframes) > 1 and self._keyframes[1].frame <= frame:
             self._keyframes.popleft()
@@ -418,7 +408,7 @@ class InputRecorder:
         return key, self._changes[-1] if self._changes else None
 
     def sticks(self, first_frame: int) -> NDArray[np.float64] | None:
-        """Sticks and settings `(T, 8)` from `first_frame` to the newest; None where they are not known."""
+        """Return sticks and settings `(T, 8)` from `first_frame` to the newest; None where they are not known."""
         return None if first_frame < self._first else self._since(first_frame).rows
 
     def _since(self, number: int) -> InputFrames:
@@ -427,17 +417,11 @@ class InputRecorder:
         return InputFrames(numbers.reshape(-1, COLUMNS))
 
     def cut(self, first_frame: int) -> InputRecording | None:
-        """The inputs of a clip from `first_frame` to the newest frame; None when its state there is not known."""
+        """Return the inputs of a clip from `first_frame` to the newest; None when its state there is not known."""
         keys = [k for k in self._keyframes if k.frame <= first_frame]
         if not keys or first_frame >= self.next_frame:
             return None
-        start = keys[-1].frame
-        return InputRecording(
-            self._since(start),
-            tuple(replace(c, frame=c.frame - first_frame) for c in self._changes),
-            tuple(
-                replace(k, frame=k.frame - first_frame)
-                for k in self._keyframes
-                if k.frame == start or k.frame > first_frame
-            ),
-        )
+        later = (key for key in self._keyframes if key.frame > first_frame)
+        keyframes = (replace(key, frame=key.frame - first_frame) for key in (keys[-1], *later))
+        changes = (replace(change, frame=change.frame - first_frame) for change in self._changes)
+        return InputRecording(self._since(keys[-1].frame), tuple(changes), tuple(keyframes))

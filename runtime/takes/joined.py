@@ -21,7 +21,7 @@ from runtime.feet.ik import LEG_FEET, LEG_TOES
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import BEARING_CONTACT_THRESHOLD
 from runtime.takes.loop import led_legs
-from runtime.takes.metadata import UNKNOWN, gait_seconds
+from runtime.takes.metadata import UNKNOWN, PromptEvent, gait_seconds
 from runtime.takes.root import SMOOTHING_S, Placement, root_track, smooth
 from runtime.terrain.height_map import Terrain
 
@@ -37,7 +37,7 @@ Grounds = tuple[Terrain, Terrain]  # of the first clip, on which the result walk
 
 
 def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
-    """The second clip after the first: its first frame is the first clip's last one. UsageError for other sizes.
+    """Join two clips: the second one's first frame is the first one's last. UsageError for other sizes.
 
     With `grounds` the second one's feet are as high over the first one's ground as they were over their own.
     """
@@ -50,19 +50,22 @@ def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
     gaits = None
     if first.gaits is not None and second.gaits is not None:
         gaits = np.concatenate([first.gaits, second.gaits[1:]])
-    later = [replace(event, seconds=event.seconds + first.seconds) for event in second.prompts]
-    words = attrgetter("prompt", "words")
+    both = zip(first.arrays, second.arrays, strict=True)
     return replace(
-        first,
-        hips_positions=np.concatenate([first.hips_positions, second.hips_positions[1:]]),
-        local_rotations=np.concatenate([first.local_rotations, second.local_rotations[1:]]),
-        contacts=np.concatenate([first.contacts, second.contacts[1:]]),
-        prompts=tuple(next(same_words) for _, same_words in groupby([*first.prompts, *later], words)),
+        first.posed(*(np.concatenate([own, added[1:]]) for own, added in both)),
+        prompts=_prompts(first, second),
         gaits=gaits,
         gait_seconds=gait_seconds(gaits, first.fps),
         origin=first.origin if first.origin == second.origin else UNKNOWN,
         placed=first.placed if same else None,
     )
+
+
+def _prompts(first: Clip, second: Clip) -> tuple[PromptEvent, ...]:
+    """The prompts of both clips, without those that follow one of the same words."""
+    later = (replace(event, seconds=event.seconds + first.seconds) for event in second.prompts)
+    alike = groupby([*first.prompts, *later], attrgetter("prompt", "words"))
+    return tuple(next(events) for _, events in alike)
 
 
 def _meet(first: Clip, second: Clip) -> bool:
@@ -73,13 +76,13 @@ def _meet(first: Clip, second: Clip) -> bool:
 
 
 def repeated(clip: Clip, times: int, ground: Terrain | None = None) -> Clip:
-    """The clip so many times, each going on where the one before ends, on its `ground`."""
+    """Return the clip so many times, each going on where the one before ends, on its `ground`."""
     grounds = None if ground is None else (ground, ground)
     return reduce(lambda before, again: joined(before, again, grounds), [clip] * times)
 
 
 def without(clip: Clip, first: int, last: int, ground: Terrain | None = None) -> Clip:
-    """The clip without the frames between `first` and `last`; UsageError where nothing is left."""
+    """Return the clip without the frames between `first` and `last`; UsageError where nothing is left."""
     kept = [clip.trim(0, first)] if first > 0 else []
     kept += [clip.trim(last, len(clip) - 1)] if last < len(clip) - 1 else []
     if not kept:

@@ -9,26 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import astuple, dataclass, replace
-from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 
 from runtime.arrays import Array
 from runtime.takes.camera_keys import MAX_DISTANCE_M, MAX_PITCH, CameraKey, view_at, with_key
-from runtime.takes.pose_layer import PoseKey, PoseLayer, Tangent
+from runtime.takes.pose_layer import POSE_CURVES, Curve, PoseKey, PoseLayer, Tangent
 
 MIN_DISTANCE_M = 0.1  # of the camera
 CAMERA_AXES = ("yaw", "pitch", "distance", "x", "y", "z")
 POSE_AXES = ("x", "y", "z")
-
-
-class Curve(StrEnum):
-    """What a channel belongs to."""
-
-    TURN = "turn"  # of a joint, degrees
-    MOVE = "move"  # of hips or a foot, centimetres
-    CAMERA = "camera"  # degrees and metres
 
 
 class Channel(NamedTuple):
@@ -69,8 +60,7 @@ class KeyedCurves:
 
     def channels(self) -> list[Channel]:
         """Return every channel that has a key: joints in their order, then the camera."""
-        joints = [(Curve.TURN, joint) for joint in self.layer.turned_joints()]
-        joints += [(Curve.MOVE, joint) for joint in self.layer.moved_joints()]
+        joints = [(curve, joint) for curve in POSE_CURVES for joint in self.layer.joints(curve)]
         joints.sort(key=lambda each: each[1])
         found = [Channel(curve, joint, axis) for curve, joint in joints for axis in range(len(POSE_AXES))]
         axes = range(len(CAMERA_AXES)) if self.cameras else ()
@@ -81,11 +71,10 @@ class KeyedCurves:
         if channel.curve is Curve.CAMERA:
             values = [(key.seconds, astuple(key)[1 + channel.axis]) for key in self.cameras]
         else:
-            held = [(key, key.turns if channel.curve is Curve.TURN else key.moves) for key in self.layer.keys]
             values = [
                 (key.seconds, float(value.vector[channel.axis]))
-                for key, joints in held
-                for value in joints
+                for key in self.layer.keys
+                for value in key.values(channel.curve)
                 if value.joint == channel.joint
             ]
         return {self._frame(seconds): value * channel.factor for seconds, value in values}
@@ -95,8 +84,7 @@ class KeyedCurves:
         if channel.curve is Curve.CAMERA:
             views = [astuple(view_at(self.cameras, float(at)))[1 + channel.axis] for at in seconds]
             return channel.factor * np.array(views, np.float64)
-        curve = self.layer.turns if channel.curve is Curve.TURN else self.layer.moves
-        return channel.factor * curve(channel.joint, seconds)[:, channel.axis]
+        return channel.factor * self.layer.values(channel.curve, channel.joint, seconds)[:, channel.axis]
 
     def tangent(self, key: CurveKey) -> Tangent | None:
         """Return how a pose key is passed; None of the camera, whose curves are always smooth."""
@@ -147,11 +135,8 @@ class KeyedCurves:
         if channel.curve is Curve.CAMERA:
             return replace(self, cameras=with_key(self.cameras, view_at(self.cameras, seconds), self.fps))
         key = self.layer.key_at(frame, self.fps) or PoseKey(seconds)
-        at = np.array([key.seconds])
-        if channel.curve is Curve.TURN:
-            key = key.with_turn(channel.joint, self.layer.turns(channel.joint, at)[0])
-        else:
-            key = key.with_move(channel.joint, self.layer.moves(channel.joint, at)[0])
+        value = self.layer.values(channel.curve, channel.joint, np.array([key.seconds]))[0]
+        key = key.with_value(channel.curve, channel.joint, value)
         return replace(self, layer=self.layer.with_key(key, self.fps))
 
     def with_tangent(self, chosen: Collection[CurveKey], tangent: Tangent) -> KeyedCurves:
@@ -172,8 +157,7 @@ class KeyedCurves:
         key = layer.key_at(frame, self.fps)
         if key is None:
             return layer
-        turns, moves = (tuple(v for v in values if v.joint != joint) for values in (key.turns, key.moves))
-        left = replace(key, turns=turns) if curve is Curve.TURN else replace(key, moves=moves)
+        left = key.without(joint, (curve,))
         return layer.with_key(left, self.fps) if left else layer.without_key(key)
 
     def _placed(
@@ -183,11 +167,10 @@ class KeyedCurves:
         assert before is not None
         seconds = (frame + frames) / self.fps if frames else before.seconds
         key = layer.key_at(frame + frames, self.fps) or PoseKey(seconds, tangent=before.tangent)
-        value = before.turn(joint) if curve is Curve.TURN else before.move(joint)
+        value = before.value(curve, joint)
         for axis, by in change.items():
             value[axis] += by / Channel(curve, joint, axis).factor
-        key = key.with_turn(joint, value) if curve is Curve.TURN else key.with_move(joint, value)
-        return layer.with_key(key, self.fps)
+        return layer.with_key(key.with_value(curve, joint, value), self.fps)
 
     def _camera_moved(self, key: CameraKey, frames: int, change: dict[int, float]) -> CameraKey:
         values = list(astuple(key)[1:])

@@ -14,6 +14,7 @@ from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_leg
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion import features
 from runtime.takes.clip import Clip
+from runtime.takes.footplants import stretches
 from runtime.takes.metadata import LoopReport
 from runtime.takes.root import RootTrack
 
@@ -32,7 +33,7 @@ _REMEDY = "Record, or choose with --range, at least two full cycles of a steady 
 
 
 def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, RootTrack]:
-    """The best cycle of so many strides as a clip whose last frame is its first one, moved along, and what that came to.
+    """Return the best cycle of so many strides as a clip whose last frame is its first one moved along, with its root.
 
     UsageError when there is no steady walk, or too little of it.
     """
@@ -40,12 +41,8 @@ def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, Root
     cycle, track = clip.trim(first, last), root.cut(first, last)
     ends_m, ends_radians = seam_error(cycle, track)
     if ends_m > MAX_ENDS_M or ends_radians > MAX_ENDS_RADIANS:
-        raise UsageError(
-            f": no steady walk; the most similar frames are {ends_m * 100:.0f} cm and"
-            f" {np.rad2deg(ends_radians):.0f} degrees apart.",
-            _REMEDY,
-            "loop",
-        )
+        gap = f"{ends_m * 100:.0f} cm and {np.rad2deg(ends_radians):.0f} degrees"
+        raise UsageError(f": no steady walk; the most similar frames are {gap} apart.", _REMEDY, "loop")
     closed = close_seam(cycle, track)
     seam_m, seam_radians = seam_error(closed, track)
     degrees, seam_degrees = float(np.rad2deg(ends_radians)), float(np.rad2deg(seam_radians))
@@ -55,13 +52,12 @@ def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, Root
 
 
 def find_cycle(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[int, int]:
-    """First and last frame of the cycle whose ends are most alike; UsageError when the clip is too short or stands.
+    """Find the first and last frame of the cycle whose ends are most alike; UsageError when the clip is too short or stands.
 
     With several `strides` it lasts so many times as long as the best single one, within `NEAR_CYCLE_FACTOR`.
     """
-    cycle = _best_cycle(
-        clip, root, round(MIN_CYCLE_S * clip.fps), round(MAX_CYCLE_S * clip.fps), NEARLY_BEST_FACTOR
-    )
+    least, most = (round(seconds * clip.fps) for seconds in (MIN_CYCLE_S, MAX_CYCLE_S))
+    cycle = _best_cycle(clip, root, least, most, NEARLY_BEST_FACTOR)
     if strides == 1:
         return cycle
     lag = strides * (cycle[1] - cycle[0])
@@ -73,11 +69,8 @@ def _best_cycle(clip: Clip, root: RootTrack, least: int, most: int, nearly: floa
     """The shortest cycle of `least` to `most` frames whose cost is at most `nearly` times the best one's."""
     lags = np.arange(least, min(most, len(clip) - 3) + 1)
     if len(lags) == 0:
-        raise UsageError(
-            f": the range lasts {clip.seconds:.1f} s, and {least / clip.fps:.1f} s are needed.",
-            _REMEDY,
-            "loop",
-        )
+        problem = f": the range lasts {clip.seconds:.1f} s, and {least / clip.fps:.1f} s are needed."
+        raise UsageError(problem, _REMEDY, "loop")
     shape = _shape(clip, root)
     path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(root.positions, axis=0), axis=1))])
     costs, starts = np.full(len(lags), np.inf), np.zeros(len(lags), np.int64)
@@ -110,7 +103,7 @@ def _shape(clip: Clip, root: RootTrack) -> Array:
 
 
 def seam_error(cycle: Clip, root: RootTrack) -> tuple[float, float]:
-    """Largest distance in metres and angle in radians of any joint between the last frame and the first, seen by the root."""
+    """Return the largest distance (metres) and angle (radians) of a joint between last and first frame, seen by the root."""
     positions, world = cycle.world()
     ends = [0, -1]
     seen = features.to_root(positions[ends] - root.positions[ends][:, None], root.yaw[ends][:, None])
@@ -120,7 +113,7 @@ def seam_error(cycle: Clip, root: RootTrack) -> tuple[float, float]:
 
 
 def seam_steps(cycle: Clip, root: RootTrack) -> tuple[float, float]:
-    """Change of the step from frame to frame over the seam, and its largest inside the cycle, metres in the worst joint."""
+    """Return how much steps from frame to frame change over the seam, and at most inside: metres in the worst joint."""
     positions, _ = cycle.world()
     steps = np.diff(positions.astype(np.float64), axis=0)
     seen = features.to_root(steps, root.yaw[:-1, None])
@@ -131,7 +124,7 @@ def seam_steps(cycle: Clip, root: RootTrack) -> tuple[float, float]:
 
 
 def close_seam(cycle: Clip, root: RootTrack) -> Clip:
-    """The cycle with its last frame made equal to its first.
+    """Return the cycle with its last frame made equal to its first.
 
     What the ends differ by is added gradually: to the body over the whole cycle, to each foot only while it swings,
     so that a foot on the ground keeps its place. The legs reach their feet by inverse kinematics.
@@ -167,7 +160,7 @@ Pair = tuple[Array, Array]
 
 
 def led_legs(body: Pair, feet: Pair, old_body: Pair, old_feet: Pair) -> Array:
-    """Local rotations whose legs reach the `feet`: hips `(T, 3)` with rotations, ankles `(T, 2, 3)` with rotations.
+    """Return local rotations whose legs reach `feet`: hips `(T, 3)` with rotations, ankles `(T, 2, 3)` with rotations.
 
     What the solver alone changes in the `old_body` with its `old_feet` is undone: it bends legs that are almost straight.
     """
@@ -193,9 +186,6 @@ def _swing_ease(positions: Array, ankle: int, toe: int) -> Array:
     """From 0 to 1 over the longest stretch `(T,)` in which neither ankle nor toe of a foot rests."""
     way = np.linalg.norm(np.diff(positions[:, [ankle, toe]][..., [0, 2]].astype(np.float64), axis=0), axis=-1)
     speed = way.min(axis=1)
-    moving = np.concatenate([[False], speed > SWING_FRACTION * max(float(speed.max()), 1e-6), [False]])
-    starts = np.flatnonzero(moving[1:] & ~moving[:-1])
-    ends = np.flatnonzero(~moving[1:] & moving[:-1])
-    longest = int(np.argmax(ends - starts)) if len(starts) else -1
-    first, last = (starts[longest], ends[longest]) if longest >= 0 else (0, len(speed))
+    swings = stretches(speed > SWING_FRACTION * max(float(speed.max()), 1e-6))
+    first, last = max(swings, key=lambda swing: swing[1] - swing[0], default=(0, len(speed)))
     return smoothstep((np.arange(len(positions)) - first) / max(last - first, 1))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,11 @@ class PromptEvent:
     transition_seconds: float = 0.0
     words: str = ""
     typed: str = ""
+
+    def rewritten(self, change: Callable[[str], str]) -> PromptEvent:
+        """Return the event with its texts changed."""
+        prompt, words, typed = map(change, (self.prompt, self.words, self.typed))
+        return replace(self, prompt=prompt, words=words, typed=typed)
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,7 @@ class LoopReport:
     usual_step_cm: float
 
     def describe(self) -> str:
-        """One line for the command and the status line."""
+        """Describe the loop in one line for the command and the status line."""
         return (
             f"loop of {self.seconds:.2f} s (frames {self.first} to {self.last}): the ends were {self.ends_cm:.1f} cm and"
             f" {self.ends_degrees:.1f} degrees apart, the seam is {self.seam_cm:.2f} cm and {self.seam_degrees:.2f}"
@@ -85,7 +90,7 @@ UNMOVED = (0.0, 0.0, 0.0, 0.0)  # a take that stands where it was made
 
 
 def origin_of(controller: Any, terrain: str) -> Origin:
-    """The origin of what `controller` makes on the ground `terrain`; fields that a stand-in for it lacks stay empty."""
+    """Return the origin of what `controller` makes on the ground `terrain`, without fields that a stand-in for it lacks."""
     from runtime.terrain.library import TERRAIN_NAMES
 
     model = getattr(controller, "model", None)
@@ -95,27 +100,25 @@ def origin_of(controller: Any, terrain: str) -> Origin:
         model=str(getattr(model, "name", "")),
         model_sha256=str(hashes.get("step_int8" if precision == "int8" else "step", "")),
         precision=precision,
-        seed=getattr(controller, "seed", None),
-        temperature=getattr(controller, "temperature", None),
-        strength=getattr(controller, "strength", None),
+        **{name: getattr(controller, name, None) for name in ("seed", "temperature", "strength")},
         terrain_seed=0 if terrain in TERRAIN_NAMES else None,
     )
 
 
 def gait_of(controls: Controls) -> int:
-    """The gait that controls ask for: standing where the stick is at rest."""
+    """Return the gait that controls ask for: standing where the stick is at rest."""
     return int(controls.gait if controls.gait == Gait.JUMP or any(controls.move) else Gait.STAND)
 
 
 def gait_seconds(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[str, float], ...]:
-    """Seconds of each gait requested in frames `(T,)` of gait numbers; () where nothing is known of them."""
+    """Return seconds of each gait requested in frames `(T,)` of gait numbers; () where nothing is known of them."""
     if gaits is None:
         return ()
     return tuple((gait.label, int(n) / fps) for gait in Gait if (n := np.count_nonzero(gaits == gait)))
 
 
 def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[float, str], ...]:
-    """When each gait began to be asked for, and its name, from gait numbers `(T,)`; unknown ones are left out."""
+    """Return the time at which each gait began to be asked for, and its name, from gait numbers `(T,)`, without unknown ones."""
     if gaits is None or len(gaits) == 0:
         return ()
     begins = np.concatenate([[0], np.flatnonzero(np.diff(gaits)) + 1])
@@ -124,7 +127,7 @@ def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[f
 
 
 def gait_numbers(changes: Sequence[tuple[float, str]], frames: int, fps: float) -> NDArray[np.int8] | None:
-    """Gait numbers `(frames,)`, -1 before the first change; None without any. Inverse of `gait_changes`."""
+    """Return gait numbers `(frames,)`, -1 before the first change; None without any. Inverse of `gait_changes`."""
     if not changes:
         return None
     numbers = np.full(frames, -1, np.int8)
@@ -134,7 +137,7 @@ def gait_numbers(changes: Sequence[tuple[float, str]], frames: int, fps: float) 
 
 
 def title(event: PromptEvent) -> str:
-    """A prompt in at most 60 characters; "own words" for six descriptions, "(edited)" after what they came from."""
+    """Return a prompt in at most 60 characters; "own words" for six descriptions, "(edited)" after their source."""
     from runtime.prompts.blend import BlendedPrompt, read_words
     from runtime.prompts.parts import PartDescriptions
 
@@ -152,7 +155,7 @@ def title(event: PromptEvent) -> str:
 def describe(
     terrain: str, prompts: tuple[PromptEvent, ...], origin: Origin, gaits: Mapping[str, float]
 ) -> str:
-    """Some lines for a person about how a take was made; "" when nothing is known."""
+    """Describe in some lines for a person how a take was made; "" when nothing is known."""
     shown = [f"{max(e.seconds, 0.0):.1f} s  {title(e)}" for e in prompts[:6]]
     if len(prompts) > 6:
         shown.append(f"and {len(prompts) - 6} more")
@@ -165,7 +168,7 @@ def describe(
 
 
 def event_from(value: dict[str, Any]) -> PromptEvent:
-    """An event of JSON that is not trusted; fields of another type have their defaults."""
+    """Return an event of JSON that is not trusted; fields of another type have their defaults."""
     return PromptEvent(
         number_field(value, "seconds", 0.0),
         text_field(value, "prompt", ""),
@@ -185,7 +188,7 @@ def _words(value: Any) -> str:
 
 
 def origin_from(value: dict[str, Any]) -> Origin:
-    """Each field by its type: text, whole number or number."""
+    """Read an origin from JSON that is not trusted, each field by its type: text, whole number or number."""
     found: dict[str, Any] = {}
     for field in fields(Origin):
         if isinstance(field.default, str):

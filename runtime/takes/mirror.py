@@ -8,14 +8,13 @@ from dataclasses import replace
 from runtime import rotations
 from runtime.skeleton import mirror_motion
 from runtime.takes.clip import Clip
-from runtime.takes.metadata import PromptEvent
 from runtime.takes.root import Placement
 
 _SIDES = re.compile(r"(?<![a-zA-Z])(left|right)(?![a-zA-Z])", re.IGNORECASE)
 
 
 def mirrored(clip: Clip) -> Clip:
-    """The clip reflected through the vertical plane in which it begins to look, so that it begins at the same place.
+    """Reflect a clip through the vertical plane in which it begins to look, so that it begins at the same place.
 
     It no longer goes over the ground that it was made on, where that is not level.
     """
@@ -27,24 +26,15 @@ def mirrored(clip: Clip) -> Clip:
         place.clip(there.posed(hips, local)),
         name=f"{clip.name}, mirrored",
         contacts=clip.contacts[:, [2, 3, 0, 1]],
-        prompts=tuple(_mirrored_event(event) for event in clip.prompts),
+        prompts=tuple(event.rewritten(other_side) for event in clip.prompts),
     )
 
 
 def other_side(text: str) -> str:
-    """Words with left and right exchanged."""
+    """Exchange left and right in words."""
 
     def other(found: re.Match[str]) -> str:
         word = "right" if found[0].lower() == "left" else "left"
         return word.upper() if found[0].isupper() else word.capitalize() if found[0][0].isupper() else word
 
     return _SIDES.sub(other, text)
-
-
-def _mirrored_event(event: PromptEvent) -> PromptEvent:
-    return replace(
-        event,
-        prompt=other_side(event.prompt),
-        words=other_side(event.words),
-        typed=other_side(event.typed),
-    )

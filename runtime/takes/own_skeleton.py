@@ -21,14 +21,14 @@ class OwnSkeleton:
     points: Array
 
     def sample(self, frame: float) -> Array:
-        """The points `(K, 3)` at a frame, straight on from one to the next."""
+        """Return the points `(K, 3)` at a time in frames, on straight lines from frame to frame."""
         frame = min(max(frame, 0.0), len(self.points) - 1.0)
         first = int(frame)
         after = self.points[min(first + 1, len(self.points) - 1)]
         return np.asarray(self.points[first] + (frame - first) * (after - self.points[first]), np.float64)
 
     def packed(self) -> tuple[Array, bytes]:
-        """The middle of the points `(T, 3)` float32, and them about it, as differences of whole steps over time."""
+        """Pack the middle of the points `(T, 3)` float32, and the points about it as differences of whole steps over time."""
         middle = np.median(self.points, axis=1, keepdims=True).astype(np.float32)
         about = np.clip(self.points - middle, -_REACH_M, _REACH_M)
         steps = np.round(about / STEP_M).astype(np.int16)
@@ -36,7 +36,7 @@ class OwnSkeleton:
 
     @staticmethod
     def unpacked(parents: tuple[int, ...], middle: Array, data: bytes) -> OwnSkeleton:
-        """What was packed; ValueError where the parts do not fit each other."""
+        """Unpack a skeleton; ValueError where the parts do not fit each other."""
         frames, count = len(middle), len(parents)
         fits = 0 < count <= MAX_POINTS and len(data) == 2 * 3 * frames * count and frames > 0
         if not fits or any(not -1 <= parent < count for parent in parents) or not np.isfinite(middle).all():

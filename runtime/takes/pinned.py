@@ -38,6 +38,7 @@ LOOKS_AWAY_RAD = np.radians((90.0, 150.0))  # so far behind, the head begins to 
 MAX_TURN_RAD = np.radians(75.0)  # of the head
 POLE_M = 0.03  # an elbow less far out of its line than this bends towards down and back
 UPPER_BODY = tuple(j for part in ("torso", "left_arm", "right_arm", "head") for j in PART_JOINTS[part] if j)
+World = tuple[Array, Array]  # positions (T, 31, 3) and rotations (T, 31, 4) of joints
 _FORWARD = np.array([0.0, 0.0, 1.0])
 
 
@@ -50,21 +51,22 @@ class _Frames:
     contacts: Array
 
     def part(self, part: slice) -> _Frames:
-        """A copy of some frames, in which they are bent."""
+        """Return a copy of some frames, in which they are bent."""
         return _Frames(self.hips[part].astype(float), self.local[part].astype(float), self.contacts[part])
 
-    def world(self) -> tuple[Array, Array]:
+    def world(self) -> World:
+        """Return positions and rotations of the joints."""
         return SPORT_SKELETON.forward_kinematics(self.hips, self.local)
 
 
 def pinned(
     clip: Clip, pins: Sequence[Pin], begin_s: float = 0.0, pose_at: Callable[[float], Array] | None = None
 ) -> Clip:
-    """The clip with its poses bent to the pins, in their order: poses, feet, looks, then hands.
+    """Return the clip with its poses bent to the pins, in their order: poses, feet, looks, then hands.
 
     It may be a part of a take that begins at `begin_s`, of which `pose_at` gives the local rotations at a time.
     """
-    made = _Frames(clip.hips_positions.copy(), clip.local_rotations.copy(), clip.contacts.copy())
+    made = _Frames(*(array.copy() for array in clip.arrays))
     seconds = begin_s + np.arange(len(clip)) / clip.fps
     for pin in sorted(pins, key=lambda pin: ORDER.index(pin.what)):
         weights = pin.weights(seconds)
@@ -93,7 +95,7 @@ def pinned(
 def bent_pose(
     hips: Array, local: Array, contacts: Array, pins: Sequence[tuple[Pin, float]]
 ) -> tuple[Array, Array, Array]:
-    """Hips `(3,)`, local rotations `(31, 4)` and contacts `(4,)` of one pose, bent to pins with their weights; poses are left out."""
+    """Bend one pose, hips `(3,)`, local rotations `(31, 4)` and contacts `(4,)`, to pins with their weights, without poses."""
     frames = _Frames(np.asarray(hips, float)[None], np.asarray(local, float)[None], np.array(contacts)[None])
     for pin, weight in sorted(pins, key=lambda entry: ORDER.index(entry[0].what)):
         if pin.what is not Pinned.POSE and weight > 0.0:
@@ -102,28 +104,26 @@ def bent_pose(
 
 
 def farthest(clip: Clip, pin: Pin) -> float:
-    """Metres from a hand or foot to its pin in the worst frame in which it is to be there; 0 for others."""
+    """Return the distance (metres) of a hand or foot from its pin in the worst frame that it holds; 0 for others."""
     first, last = (min(max(round(at * clip.fps), 0), len(clip) - 1) for at in (pin.start, pin.end))
     if pin.what in (Pinned.POSE, Pinned.LOOK):
         return 0.0
-    part = slice(first, last + 1)
-    frames = _Frames(clip.hips_positions[part], clip.local_rotations[part], clip.contacts[part])
+    frames = _Frames(*(array[first : last + 1] for array in clip.arrays))
     positions, world = frames.world()
     goals = _goals(pin, frames, positions, world)
     return float(np.linalg.norm(positions[:, _joint(pin.what)] - goals, axis=1).max())
 
 
 def point_of(what: Pinned, positions: Array, world: Array) -> Array:
-    """Where a pin of a pose `(31, 3)`, `(31, 4)` would hold it as it is: `(3,)`; a look two metres ahead of the eyes."""
+    """Return the point `(3,)` at which a pin holds a pose `(31, 3)`, `(31, 4)` as it is; of a look two metres ahead of the eyes."""
     if what is Pinned.LOOK:
-        ahead = np.asarray(positions[HEAD] + 2.0 * rotations.rotate(world[HEAD], _FORWARD))
-        return ahead
+        return np.asarray(positions[HEAD] + 2.0 * rotations.rotate(world[HEAD], _FORWARD))
     joint = np.array(positions[_joint(what)], float)
     return joint - (0.0, ANKLE_HEIGHT, 0.0) if what in FEET else joint
 
 
 def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
-    """The point of a pin with a character, and the end of its rail, in the world: `(..., 3)` each."""
+    """Return the point of a pin with a character, and the end of its rail, in the world: `(..., 3)` each."""
     points = [np.array(point, float) for point in (pin.point, pin.rail) if point is not None]
     if pin.along:
         turn = rotations.from_yaw(rotations.yaw_of(hips_rotation))
@@ -133,7 +133,7 @@ def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
 
 
 def along_with(point: Array, hips: Array, hips_rotation: Array) -> Array:
-    """A point of the world `(3,)` as a character sees it: left, up from its ground, ahead."""
+    """Return a point of the world `(3,)` as a character sees it: left, up from its ground, ahead."""
     offset = np.asarray(point) - hips
     back = rotations.inverse(rotations.from_yaw(rotations.yaw_of(hips_rotation)))
     return np.asarray(rotations.rotate(back, offset) + np.array([0.0, REST_HIPS_HEIGHT, 0.0]))
@@ -141,14 +141,14 @@ def along_with(point: Array, hips: Array, hips_rotation: Array) -> Array:
 
 def _bend(frames: _Frames, pin: Pin, weights: Array, flat: Array | None = None) -> None:
     """Bend frames to a pin; `flat` `(4,)`: the heading of a pinned foot, where that is of other frames too."""
-    positions, world = frames.world()
-    goals = _goals(pin, frames, positions, world)
+    seen = frames.world()
+    goals = _goals(pin, frames, *seen)
     if pin.what is Pinned.LOOK:
-        _look(frames, positions, world, goals, weights)
+        _look(frames, seen, goals, weights)
     elif pin.what in ARMS:
-        _reach(frames, positions, world, goals, weights, pin.what)
+        _reach(frames, seen, goals, weights, pin.what)
     else:
-        _step_on(frames, positions, world, goals, weights, FEET.index(pin.what), flat)
+        _step_on(frames, seen, goals, weights, FEET.index(pin.what), flat)
 
 
 def _goals(pin: Pin, frames: _Frames, positions: Array, world: Array) -> Array:
@@ -178,7 +178,8 @@ def _hold_pose(frames: _Frames, pose: Array, weights: Array) -> None:
     )
 
 
-def _look(frames: _Frames, positions: Array, world: Array, goals: Array, weights: Array) -> None:
+def _look(frames: _Frames, seen: World, goals: Array, weights: Array) -> None:
+    positions, world = seen
     facing = rotations.rotate(world[:, HEAD], _FORWARD)
     wanted = rotations.normalize(goals - positions[:, HEAD])
     chest = rotations.rotate(world[:, CHEST], _FORWARD)
@@ -190,11 +191,9 @@ def _look(frames: _Frames, positions: Array, world: Array, goals: Array, weights
     _turn(frames, world, NECK, turn)
 
 
-def _reach(
-    frames: _Frames, positions: Array, world: Array, goals: Array, weights: Array, what: Pinned
-) -> None:
+def _reach(frames: _Frames, seen: World, goals: Array, weights: Array, what: Pinned) -> None:
     """A hand to its goal; the spine leans where the arm is too short, and the hand lets go of what is far too far."""
-    shoulder, elbow, hand = ARMS[what]
+    (positions, world), (shoulder, elbow, hand) = seen, ARMS[what]
     distance = np.linalg.norm(goals - positions[:, shoulder], axis=-1)
     weights = weights * _falls(distance / ARM_M, *LETS_GO_REACHES)
     own = np.linalg.norm(positions[:, hand] - positions[:, shoulder], axis=-1)
@@ -211,19 +210,10 @@ def _reach(
         positions, world = frames.world()
         distance = np.linalg.norm(goals - positions[:, shoulder], axis=-1)
     now = positions[:, hand]
-    target = positions[:, shoulder] + _between_reaches(
-        now - positions[:, shoulder],
-        goals - positions[:, shoulder],
-        _soft_arm(distance, now - positions[:, shoulder]),
-        weights,
-    )
-    first, second = two_bone(
-        positions[:, shoulder],
-        positions[:, elbow],
-        now,
-        target,
-        _elbow_pole(positions, world, shoulder, elbow, hand),
-    )
+    arm, aim = now - positions[:, shoulder], goals - positions[:, shoulder]
+    target = positions[:, shoulder] + _between_reaches(arm, aim, _soft_arm(distance, arm), weights)
+    pole = _elbow_pole(positions, world, shoulder, elbow, hand)
+    first, second = two_bone(positions[:, shoulder], positions[:, elbow], now, target, pole)
     upper, fore = rotations.multiply(first, world[:, shoulder]), rotations.multiply(second, world[:, elbow])
     parent = SPORT_SKELETON.parents[shoulder]
     held = weights[:, None] > 0.0
@@ -276,15 +266,10 @@ def _heading(yaws: Array, weights: Array) -> Array:
 
 
 def _step_on(
-    frames: _Frames,
-    positions: Array,
-    world: Array,
-    goals: Array,
-    weights: Array,
-    side: int,
-    flat: Array | None,
+    frames: _Frames, seen: World, goals: Array, weights: Array, side: int, flat: Array | None
 ) -> None:
     """A foot flat on its mark, bearing."""
+    positions, world = seen
     hip, ankle = positions[:, 2 + 5 * side], positions[:, LEG_FEET[side]]
     weights = _bearing(positions, goals, weights, side)
     frames.hips[:, 1] -= weights * drop_to(hip, goals)
@@ -305,7 +290,7 @@ def _step_on(
 
 
 def drop_to(hip: Array, ankle: Array) -> Array:
-    """Metres `(T,)` that hips sink so that a leg from `hip` to `ankle` `(T, 3)` is not quite straight; at most `MAX_DROP_M`."""
+    """Return the metres `(T,)` that hips sink so that a leg from `hip` to `ankle` `(T, 3)` is not quite straight; at most `MAX_DROP_M`."""
     across = np.sum((ankle - hip)[:, [0, 2]] ** 2, axis=-1)
     high = np.sqrt(np.maximum((EASY_LEG_FRACTION * LEG_M) ** 2 - across, (0.5 * LEG_M) ** 2))
     drop = np.asarray(_smooth_positive(hip[:, 1] - ankle[:, 1] - high, 0.005))

@@ -24,6 +24,8 @@ FORM = 'Write "left hand 0.3 1.1 0.4 from 2 to 4", "look 0 1.6 5 from 0 to 3" or
 
 
 class Pinned(StrEnum):
+    """The part of the body that a pin holds."""
+
     LEFT_HAND = "left hand"
     RIGHT_HAND = "right hand"
     LEFT_FOOT = "left foot"
@@ -61,19 +63,18 @@ class Pin:
                 FORM,
             )
         if not (0.0 <= self.ease_in <= MAX_EASE_S and 0.0 <= self.ease_out <= MAX_EASE_S):
-            raise UsageError(
-                f"pin {self.what}: ease of {self.ease_in:g} s; expected 0 to {MAX_EASE_S:g}.", FORM
-            )
+            problem = f"pin {self.what}: ease of {self.ease_in:g} s; expected 0 to {MAX_EASE_S:g}."
+            raise UsageError(problem, FORM)
 
     def weights(self, seconds: Array) -> Array:
-        """How far the pin holds at times `(T,)`: 1 from `start` to `end`, smoothly to 0 within the eases."""
+        """Return weights of the pin at times `(T,)`: 1 from `start` to `end`, smoothly to 0 within the eases."""
         rise = smootherstep((seconds - (self.start - self.ease_in)) / max(self.ease_in, 1e-6))
         fall = smootherstep(((self.end + self.ease_out) - seconds) / max(self.ease_out, 1e-6))
         held = (seconds >= self.start - 1e-9) & (seconds <= self.end + 1e-9)
         return np.where(held, 1.0, np.where(seconds < self.start, rise, fall))
 
     def end_in(self, seconds: float) -> float:
-        """When it ends in a clip of a length."""
+        """Return the time at which it ends in a clip of a length."""
         return min(self.end, seconds)
 
 
@@ -87,7 +88,7 @@ _PIN = re.compile(
 
 
 def parse_pins(text: str) -> tuple[Pin, ...]:
-    """Pins as text, separated by semicolons; without times a pin holds from the first frame to the last. UsageError shows the form."""
+    """Parse pins, separated by semicolons; without times a pin holds from the first frame to the last. UsageError shows the form."""
     entries = [entry.strip() for entry in text.split(";") if entry.strip()]
     if len(entries) > MAX_PINS:
         raise UsageError(f"{len(entries)} pins; expected at most {MAX_PINS}.", "Use fewer.")
@@ -122,6 +123,7 @@ def _point(text: str | None) -> tuple[float, float, float] | None:
 
 
 def held_pins(pins: Sequence[Pin]) -> tuple[Pin, ...]:
+    """Return the pins that hold until they are released."""
     return tuple(pin for pin in pins if pin.end >= MAX_TIME_S)
 
 
@@ -137,7 +139,7 @@ def released(pins: Sequence[Pin], what: Pinned, now: float) -> tuple[Pin, ...]:
 
 
 def weights_at(pins: Sequence[Pin], now: float) -> list[tuple[Pin, float]]:
-    """The pins that bend the pose of a time, with their weights; one held since an earlier run of the program holds fully."""
+    """Return the pins that bend the pose of a time with their weights; one held since an earlier run holds fully."""
     found = []
     for pin in pins:
         earlier = pin.end >= MAX_TIME_S and pin.start > now + DEFAULT_EASE_S
@@ -148,7 +150,7 @@ def weights_at(pins: Sequence[Pin], now: float) -> list[tuple[Pin, float]]:
 
 
 def pins_of_take(pins: Sequence[Pin], first: float, length: float) -> tuple[Pin, ...]:
-    """The pins of a take that began at a time (seconds) and has a length, in its own time."""
+    """Return the pins of a take that began at a time (seconds) and has a length, in its own time."""
     last, found = first + length, []
     for pin in pins:
         start = first if pin.end >= MAX_TIME_S and pin.start > last + DEFAULT_EASE_S else pin.start

@@ -24,14 +24,14 @@ class PoseEdits:
         return bool(self.pins or self.footplants or self.layer)
 
     def apply(self, clip: Clip) -> Clip:
-        """The clip as it is shown; the same object without edits."""
+        """Return the clip as it is shown; the same object without edits."""
         clip = self.below_layer(clip)
         if self.layer:
             clip = layered(clip, self.layer)
         return pinned(clip, self.pins) if self.pins else clip
 
     def frame(self, below: Clip, number: int) -> Clip:
-        """One frame of `apply`, alone, of the motion that the pose layer adds to."""
+        """Make one frame of `apply` alone, from the motion that the pose layer adds to."""
 
         def shown(frame: int) -> Clip:
             return layered(below.trim(frame, frame), self.layer, frame / below.fps)
@@ -42,7 +42,7 @@ class PoseEdits:
         return pinned(shown(number), self.pins, number / below.fps, pose_at)
 
     def below_layer(self, clip: Clip) -> Clip:
-        """The motion that the pose layer adds to."""
+        """Return the motion that the pose layer adds to."""
         return replanted(clip, self.footplants) if self.footplants else clip
 
 

@@ -7,11 +7,11 @@ the feet: where the hips move, the feet stay planted.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -36,8 +36,19 @@ MAX_TURN, MAX_MOVE_M = 7.0, 10.0  # radians, metres
 REMEDY = "Undo, or delete the key and set it again."
 
 
+class Curve(StrEnum):
+    """The kind of thing that a curve moves."""
+
+    TURN = "turn"  # of a joint
+    MOVE = "move"  # of hips or a foot
+    CAMERA = "camera"  # which a pose has not
+
+
+POSE_CURVES = (Curve.TURN, Curve.MOVE)
+
+
 class Tangent(StrEnum):
-    """How a curve passes a key."""
+    """A way in which a curve passes a key."""
 
     SMOOTH = "smooth"  # without overshoot: flat where the curve turns back
     FLAT = "flat"
@@ -56,7 +67,7 @@ class JointValue:
 
     @property
     def vector(self) -> Array:
-        """`(3,)`."""
+        """The value `(3,)`."""
         return np.array([self.x, self.y, self.z])
 
 
@@ -69,7 +80,7 @@ def _fit(values: Sequence[JointValue], joints: Collection[int], limit: float) ->
 
 @dataclass(frozen=True)
 class PoseKey:
-    """What is added to the motion at a time; UsageError for values that no body reaches."""
+    """Turns and shifts that are added to the motion at a time; UsageError for values that no body reaches."""
 
     seconds: float
     turns: tuple[JointValue, ...] = ()
@@ -84,32 +95,30 @@ class PoseKey:
     def __bool__(self) -> bool:
         return bool(self.turns or self.moves)
 
-    def turn(self, joint: int) -> Array:
-        """The rotation vector `(3,)` of a joint; zeros where it has none."""
-        return next((value.vector for value in self.turns if value.joint == joint), np.zeros(3))
+    def values(self, curve: Curve) -> tuple[JointValue, ...]:
+        """Return the turns, or the moves."""
+        return self.turns if curve is Curve.TURN else self.moves
 
-    def move(self, joint: int) -> Array:
-        """The shift `(3,)` of hips or a foot."""
-        return next((value.vector for value in self.moves if value.joint == joint), np.zeros(3))
+    def value(self, curve: Curve, joint: int) -> Array:
+        """Return the rotation vector or the shift `(3,)` of a joint; zeros where it has none."""
+        return next((value.vector for value in self.values(curve) if value.joint == joint), np.zeros(3))
 
-    def with_turn(self, joint: int, vector: Array) -> PoseKey:
-        """The key with another turn of a joint."""
-        return replace(self, turns=_with(self.turns, joint, vector))
+    def with_value(self, curve: Curve, joint: int, vector: Array) -> PoseKey:
+        """Return the key with another turn or shift of a joint."""
+        x, y, z = (float(v) for v in vector)
+        values = [*self.without(joint, (curve,)).values(curve), JointValue(joint, x, y, z)]
+        return self._with(curve, sorted(values, key=lambda value: value.joint))
 
-    def with_move(self, joint: int, vector: Array) -> PoseKey:
-        """The key with another shift of hips or a foot."""
-        return replace(self, moves=_with(self.moves, joint, vector))
+    def without(self, joint: int, curves: Sequence[Curve] = POSE_CURVES) -> PoseKey:
+        """Return the key without the values of a joint."""
+        key = self
+        for curve in curves:
+            key = key._with(curve, [value for value in key.values(curve) if value.joint != joint])
+        return key
 
-    def without(self, joint: int) -> PoseKey:
-        """The key without the values of a joint."""
-        turns, moves = (tuple(v for v in values if v.joint != joint) for values in (self.turns, self.moves))
-        return replace(self, turns=turns, moves=moves)
-
-
-def _with(values: tuple[JointValue, ...], joint: int, vector: Array) -> tuple[JointValue, ...]:
-    kept = [value for value in values if value.joint != joint]
-    x, y, z = (float(v) for v in vector)
-    return tuple(sorted([*kept, JointValue(joint, x, y, z)], key=lambda value: value.joint))
+    def _with(self, curve: Curve, values: list[JointValue]) -> PoseKey:
+        kept = tuple(values)
+        return replace(self, turns=kept) if curve is Curve.TURN else replace(self, moves=kept)
 
 
 Point = tuple[PoseKey, Array]  # of a joint's curve: the key, and the value (3,)
@@ -126,78 +135,66 @@ class PoseLayer:
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.ease_in <= MAX_EASE_S and 0.0 <= self.ease_out <= MAX_EASE_S):
-            raise UsageError(
-                f"A pose layer that eases in {self.ease_in:g} and {self.ease_out:g} s.",
-                f"Choose 0 to {MAX_EASE_S:g} s.",
-            )
-        if any(not after.seconds - key.seconds >= APART_S for key, after in pairwise(self.keys)):
+            problem = f"A pose layer that eases in {self.ease_in:g} and {self.ease_out:g} s."
+            raise UsageError(problem, f"Choose 0 to {MAX_EASE_S:g} s.")
+        if any(not after.seconds - key.seconds >= APART_S for key, after in itertools.pairwise(self.keys)):
             raise UsageError("Pose keys at the same time, or in no order.", REMEDY)
 
     def __bool__(self) -> bool:
         return bool(self.keys)
 
     def with_key(self, key: PoseKey, fps: float) -> PoseLayer:
-        """The layer with another key, in the place of one at the same frame; UsageError for more than MAX_KEYS."""
+        """Return the layer with another key, in place of one at the same frame; UsageError for more than MAX_KEYS."""
         kept = [k for k in self.keys if round(k.seconds * fps) != round(key.seconds * fps)]
         if len(kept) >= MAX_KEYS:
             raise UsageError(f"A pose layer of {MAX_KEYS} keys is full.", "Delete keys first.")
         return replace(self, keys=tuple(sorted([*kept, key], key=lambda k: k.seconds)))
 
     def key_at(self, frame: int, fps: float) -> PoseKey | None:
-        """The key at a frame."""
+        """Return the key at a frame."""
         return next((key for key in self.keys if round(key.seconds * fps) == frame), None)
 
-    def turned_joints(self) -> list[int]:
-        """Joints with a curve of turns."""
-        return sorted(self._turns)
+    def joints(self, curve: Curve) -> list[int]:
+        """Return the joints with a curve of turns or of moves."""
+        return sorted(self._points[curve])
 
-    def moved_joints(self) -> list[int]:
-        """Joints with a curve of shifts."""
-        return sorted(self._moves)
-
-    def turns(self, joint: int, seconds: Array) -> Array:
-        """The curve of a joint's turn at times `(T,)`: rotation vectors `(T, 3)`."""
-        return self._curve(self._turns.get(joint, []), seconds)
-
-    def moves(self, joint: int, seconds: Array) -> Array:
-        """The curve of a shift at times `(T,)`: metres `(T, 3)`."""
-        return self._curve(self._moves.get(joint, []), seconds)
+    def values(self, curve: Curve, joint: int, seconds: Array) -> Array:
+        """Return the curve of a joint at times `(T,)`: rotation vectors, or shifts in metres, `(T, 3)`."""
+        return self._between(self._points[curve].get(joint, []), seconds)
 
     @cached_property
-    def _turns(self) -> dict[int, list[Point]]:
-        return _by_joint([(key, key.turns) for key in self.keys])
-
-    @cached_property
-    def _moves(self) -> dict[int, list[Point]]:
-        return _by_joint([(key, key.moves) for key in self.keys])
+    def _points(self) -> dict[Curve, dict[int, list[Point]]]:
+        """The points of every curve, by its joint."""
+        found: dict[Curve, dict[int, list[Point]]] = {curve: {} for curve in POSE_CURVES}
+        for key, curve in itertools.product(self.keys, POSE_CURVES):
+            for value in key.values(curve):
+                found[curve].setdefault(value.joint, []).append((key, value.vector))
+        return found
 
     def between(self, seconds: float) -> PoseKey:
-        """What the layer adds at a time, as a key."""
-        at, key = np.array([seconds]), PoseKey(seconds)
-        for joint in self.turned_joints():
-            key = key.with_turn(joint, self.turns(joint, at)[0])
-        for joint in self.moved_joints():
-            key = key.with_move(joint, self.moves(joint, at)[0])
+        """Return what the layer adds at a time, as a key."""
+        key = PoseKey(seconds)
+        for curve in POSE_CURVES:
+            for joint in self.joints(curve):
+                key = key.with_value(curve, joint, self.values(curve, joint, np.array([seconds]))[0])
         return key
 
     def edited(self, frame: int, fps: float, change: Callable[[PoseKey], PoseKey]) -> PoseLayer:
-        """The layer with a key at a frame for what `change` makes of the pose that is shown there; UsageError as of keys."""
+        """Return the layer with a key at a frame for what `change` makes of what is shown there; UsageError as of keys."""
         key = self.key_at(frame, fps) or PoseKey(frame / fps)
         shown = self.between(key.seconds)
         made = change(shown)
-        for value in made.turns:
-            if value not in shown.turns:
-                key = key.with_turn(value.joint, value.vector)
-        for value in made.moves:
-            if value not in shown.moves:
-                key = key.with_move(value.joint, value.vector)
+        for curve in POSE_CURVES:
+            for value in made.values(curve):
+                if value not in shown.values(curve):
+                    key = key.with_value(curve, value.joint, value.vector)
         return self.with_key(key, fps)
 
     def without_key(self, key: PoseKey) -> PoseLayer:
-        """The layer without a key."""
+        """Return the layer without a key."""
         return replace(self, keys=tuple(one for one in self.keys if one is not key))
 
-    def _curve(self, points: list[Point], seconds: Array) -> Array:
+    def _between(self, points: list[Point], seconds: Array) -> Array:
         if not points:
             return np.zeros((len(seconds), 3))
         times = [key.seconds for key, _ in points]
@@ -216,14 +213,6 @@ class PoseLayer:
 
 
 NO_LAYER = PoseLayer()
-
-
-def _by_joint(keys: list[tuple[PoseKey, tuple[JointValue, ...]]]) -> dict[int, list[Point]]:
-    found: dict[int, list[Point]] = {}
-    for key, values in keys:
-        for value in values:
-            found.setdefault(value.joint, []).append((key, value.vector))
-    return found
 
 
 def _hermite(times: Array, values: Array, tangents: Sequence[Tangent], at: Array) -> Array:
@@ -250,10 +239,11 @@ def _hermite(times: Array, values: Array, tangents: Sequence[Tangent], at: Array
 
 
 def layered(clip: Clip, layer: PoseLayer, begin_s: float = 0.0) -> Clip:
-    """The clip, which begins at a time of its take, with the layer added; frames without any stay bit by bit as they were."""
+    """Add a layer to a clip that begins at a time of its take; frames without any stay bit by bit as they were."""
     seconds = begin_s + np.arange(len(clip)) / clip.fps
-    turns = {joint: layer.turns(joint, seconds) for joint in layer.turned_joints()}
-    moves = {joint: layer.moves(joint, seconds) for joint in layer.moved_joints()}
+    turns, moves = (
+        {joint: layer.values(curve, joint, seconds) for joint in layer.joints(curve)} for curve in POSE_CURVES
+    )
     changed = np.zeros(len(clip), bool)
     for curve in (*turns.values(), *moves.values()):
         changed |= (curve != 0.0).any(-1)
@@ -263,17 +253,13 @@ def layered(clip: Clip, layer: PoseLayer, begin_s: float = 0.0) -> Clip:
     frames = np.flatnonzero(changed)
     for first in range(0, len(frames), CHUNK_FRAMES):
         part = frames[first : first + CHUNK_FRAMES]
-        hips[part], local[part] = added(
-            hips[part].astype(float),
-            local[part].astype(float),
-            {joint: curve[part] for joint, curve in turns.items()},
-            {joint: curve[part] for joint, curve in moves.items()},
-        )
+        own = ({joint: curve[part] for joint, curve in curves.items()} for curves in (turns, moves))
+        hips[part], local[part] = added(hips[part].astype(float), local[part].astype(float), *own)
     return clip.posed(hips, local)
 
 
 def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, Array]) -> tuple[Array, Array]:
-    """Hips `(T, 3)` and local rotations `(T, 31, 4)` with turns and moves `(T, 3)` of joints added.
+    """Return hips `(T, 3)` and local rotations `(T, 31, 4)` with turns and moves `(T, 3)` of joints added.
 
     Turns of the legs set where the feet and the planes of the knees are; then the hips go, and the legs follow to the feet.
     """
@@ -300,14 +286,14 @@ def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, A
 
 
 def turned(key: PoseKey, joint: int, world: Array, turn: Array) -> PoseKey:
-    """The key with a joint turned further by a quaternion of the world `(4,)`."""
+    """Return the key with a joint turned further by a quaternion of the world `(4,)`."""
     own = rotations.multiply(rotations.multiply(rotations.inverse(world[joint]), turn), world[joint])
-    total = rotations.multiply(rotations.from_rotation_vector(key.turn(joint)), own)
-    return key.with_turn(joint, rotations.to_rotation_vector(total))
+    total = rotations.multiply(rotations.from_rotation_vector(key.value(Curve.TURN, joint)), own)
+    return key.with_value(Curve.TURN, joint, rotations.to_rotation_vector(total))
 
 
 def posed_by(joint: int) -> tuple[int, ...]:
-    """The joints whose values `turned` and `dragged` change for a joint, itself first."""
+    """Return the joints whose values `turned` and `dragged` change for a joint, itself first."""
     if joint in MOVED:
         return (joint,)
     limb = HANDS.get(joint) or (ELBOWS.get(joint) or KNEES.get(joint) or (SPORT_SKELETON.parents[joint],))[:1]
@@ -315,7 +301,7 @@ def posed_by(joint: int) -> tuple[int, ...]:
 
 
 def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array) -> PoseKey:
-    """The key with a joint moved further by metres of the world `(3,)`.
+    """Return the key with a joint moved further by metres of the world `(3,)`.
 
     Hips and feet shift. An arm follows its hand, and an elbow or a knee swings about the line between the ends of its limb.
     Any other joint swings about its parent.
@@ -324,7 +310,7 @@ def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array)
         if joint != HIPS:
             by = _within_reach(positions[joint - 2], positions[joint] + by) - positions[joint]
         heading = rotations.inverse(rotations.from_yaw(rotations.yaw_of(world[HIPS])))
-        return key.with_move(joint, key.move(joint) + rotations.rotate(heading, by))
+        return key.with_value(Curve.MOVE, joint, key.value(Curve.MOVE, joint) + rotations.rotate(heading, by))
     goal = positions[joint] + by
     if joint in HANDS:
         upper, fore = HANDS[joint]
@@ -358,7 +344,7 @@ def _swing(start: Array, end: Array, joint: Array, goal: Array) -> Array:
 
 
 def pose_as_key(hips: Array, local: Array, below: Clip, frame: int) -> PoseKey:
-    """A key that brings a pose, hips `(3,)` and local rotations `(31, 4)`, onto a frame of the motion below the layer.
+    """Return a key that brings a pose, hips `(3,)` and local rotations `(31, 4)`, onto a frame below the layer.
 
     The body keeps its place and its heading there.
     """
@@ -369,21 +355,21 @@ def pose_as_key(hips: Array, local: Array, below: Clip, frame: int) -> PoseKey:
     turns = rotations.to_rotation_vector(rotations.multiply(rotations.inverse(base), wanted))
     key = PoseKey(frame / below.fps)
     for joint in range(J):
-        key = key.with_turn(joint, turns[joint])
+        key = key.with_value(Curve.TURN, joint, turns[joint])
     place = np.array([base_hips[0], hips[1], base_hips[2]])
     goals = SPORT_SKELETON.forward_kinematics(place, wanted)[0][LEG_FEET]
     legs_alone = base.copy()
     legs_alone[1:] = wanted[1:]
     feet = SPORT_SKELETON.forward_kinematics(base_hips, legs_alone)[0][LEG_FEET]
     heading = rotations.inverse(rotations.from_yaw(rotations.yaw_of(base[HIPS])))
-    key = key.with_move(HIPS, rotations.rotate(heading, place - base_hips))
+    key = key.with_value(Curve.MOVE, HIPS, rotations.rotate(heading, place - base_hips))
     for side, foot in enumerate(LEG_FEET.tolist()):
-        key = key.with_move(foot, rotations.rotate(heading, goals[side] - feet[side]))
+        key = key.with_value(Curve.MOVE, foot, rotations.rotate(heading, goals[side] - feet[side]))
     return key
 
 
 def mirrored_pose(local: Array) -> Array:
-    """Local rotations `(31, 4)` of a pose with left and right exchanged, at the same heading."""
+    """Return local rotations `(31, 4)` of a pose with left and right exchanged, at the same heading."""
     yaw = rotations.yaw_of(local[HIPS])
     made = local[MIRROR_JOINTS] * np.array([1.0, 1.0, -1.0, -1.0])
     made[HIPS] = rotations.multiply(rotations.from_yaw(2.0 * yaw), made[HIPS])

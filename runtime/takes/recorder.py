@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.errors import UsageError
-from runtime.pose import Pose
+from runtime.pose import FPS, Pose
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, shift_prompts
 from runtime.takes.metadata import UNKNOWN, Origin, PromptEvent, gait_seconds
@@ -37,6 +37,7 @@ class ClipRecorder:
 
     @property
     def recording(self) -> bool:
+        """Return whether a take is running."""
         return self.take_first is not None
 
     @property
@@ -51,7 +52,7 @@ class ClipRecorder:
 
     @property
     def seconds(self) -> float:
-        """How far back `last` can reach."""
+        """The time that `last` can reach back."""
         return len(self._frames) / self.fps
 
     def add(self, pose: Pose, gait: int = -1) -> None:
@@ -78,22 +79,18 @@ class ClipRecorder:
 
         Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
         """
-        event = PromptEvent(0.0, prompt, transition_seconds, words, typed)
-        frame = self.next_frame
-        if self._prompts and _is_live(event):
-            before, last = self._prompts[-1]
-            if _is_live(last) and frame - before < round(LIVE_SECONDS * self.fps):
-                self._prompts[-1] = (before, event)
-                return
+        event, frame = PromptEvent(0.0, prompt, transition_seconds, words, typed), self.next_frame
+        if self._prompts and follows_live(self._prompts[-1], frame, transition_seconds, self.fps):
+            frame, _ = self._prompts.pop()
         self._prompts.append((frame, event))
 
     def rows(self, first: int) -> Array:
-        """Frames `(T, 132)` from the number `first` to the newest."""
+        """Return frames `(T, 132)` from the number `first` to the newest."""
         rows = list(islice(self._frames, first - self.first_frame, None))
         return np.stack(rows) if rows else np.zeros((0, 132), np.float32)
 
     def events(self, first: int) -> tuple[PromptEvent, ...]:
-        """The prompts of the frames from the number `first` on, by their times."""
+        """Return the prompts of the frames from the number `first` on, by their times."""
         events = tuple(replace(event, seconds=(at - first) / self.fps) for at, event in self._prompts)
         return shift_prompts(events, 0.0, (self.next_frame - first) / self.fps)
 
@@ -112,7 +109,7 @@ class ClipRecorder:
     def last(
         self, seconds: float, name: str = "take", terrain: str = "flat", origin: Origin | None = None
     ) -> Clip:
-        """The last `seconds` (at most what is remembered) as a clip; a running take goes on."""
+        """Return the last `seconds` (at most what is remembered) as a clip; a running take goes on."""
         count = max(1, round(seconds * self.fps))
         return self._clip(self.next_frame - count, name, terrain, origin)
 
@@ -136,6 +133,11 @@ class ClipRecorder:
         )
 
 
-def _is_live(event: PromptEvent) -> bool:
-    """Whether a style came from a slider under the hand; 0 seconds is the first style, which is there at once."""
-    return 0.0 < event.transition_seconds <= LIVE_SECONDS
+def follows_live(before: tuple[int, PromptEvent], frame: int, seconds: float, fps: float = FPS) -> bool:
+    """Return whether a style at a frame, with its transition, continues a slider's movement that `before` began at its own.
+
+    A transition of 0 seconds is that of the first style, which is there at once.
+    """
+    begun, event = before
+    live = all(0.0 < each <= LIVE_SECONDS for each in (event.transition_seconds, seconds))
+    return live and frame - begun < round(LIVE_SECONDS * fps)

@@ -22,6 +22,7 @@ from runtime.motion.trajectory import MAX_RESPONSE
 from runtime.pose import FPS, Pose
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import Clip, stacked
+from runtime.takes.footplants import stretches
 from runtime.takes.input_recording import InputRecorder, InputRecording, StyleChange
 from runtime.takes.metadata import gait_seconds, origin_of
 from runtime.takes.root import smooth
@@ -45,7 +46,7 @@ FACING_SPEED_M_PER_S = 0.4  # slower, a body faces where the clip does
 
 @dataclass(frozen=True)
 class ClipRequests:
-    """What a clip asks of a character in each of its frames, at `FPS`, after a straight lead-in of `LEAD_IN_FRAMES`."""
+    """The requests of a clip to a character in each of its frames, at `FPS`, after a straight lead-in of `LEAD_IN_FRAMES`."""
 
     path: Array  # (T, 2) metres, XZ
     velocity: Array  # (T, 2) m/s
@@ -93,17 +94,11 @@ def _gaits(clip: Clip, speed: Array) -> NDArray[np.int8]:
     result[(speed > JOG_M_PER_S) | ((flies > JOG_AIR_FRACTION) & (speed > 1.2))] = Gait.JOG
     result[low] = Gait.CROUCH
     result[(speed < STAND_SPEED) & ~low] = Gait.STAND
-    for first, end in _runs(air > 0.0):
+    for first, end in stretches(air > 0.0):
         rises = hips[first:end].max() - np.median(hips[max(first - FPS, 0) : first + 1])
         if end - first > JUMP_AIR_S * FPS and rises > JUMP_RISE_M:
             result[max(first - round(JUMP_LEAD_S * FPS), 0) : end] = Gait.JUMP
     return result
-
-
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First frame and end of each stretch in which flags `(T,)` hold."""
-    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
-    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
 def stick_of(requests: ClipRequests, frame: int, pose: Pose, full_speed: Callable[[Gait], float]) -> Controls:
@@ -169,7 +164,7 @@ def restyled(
 
 @dataclass(frozen=True)
 class PathError:
-    """How far a restyled clip is from the one that led it."""
+    """The distance of a restyled clip from the one that led it."""
 
     path_m: float  # median distance of the hips to the path, both smoothed
     time_s: float  # median time by which the hips are early or late on it

@@ -24,9 +24,11 @@ class RootTrack:
     yaw: Array
 
     def cut(self, first: int, last: int) -> RootTrack:
+        """Return the root in the frames `first` to `last`."""
         return RootTrack(self.positions[first : last + 1], self.yaw[first : last + 1])
 
     def moved(self, placement: Placement) -> RootTrack:
+        """Return the root put elsewhere."""
         return RootTrack(placement.points(self.positions), self.yaw + placement.yaw)
 
 
@@ -39,32 +41,36 @@ class Placement:
 
     @property
     def identity(self) -> bool:
+        """Return whether it leaves everything in its place."""
         return self == Placement()
 
     def points(self, points: Array) -> Array:
-        """Points `(..., 3)` in their new place, float64."""
+        """Return points `(..., 3)` in their new place, float64."""
         turned = rotations.rotate(rotations.from_yaw(self.yaw), np.asarray(points, np.float64))
         return turned + np.array(self.offset)
 
     def matrix(self) -> Array:
+        """Return the transform `(4, 4)` of points."""
         result = np.eye(4)
         result[:3, :3] = rotations.to_matrix(rotations.from_yaw(self.yaw))
         result[:3, 3] = self.offset
         return result
 
     def inverse(self) -> Placement:
+        """Return the placement that undoes this one."""
         turned = rotations.rotate(rotations.from_yaw(-self.yaw), np.array(self.offset))
         x, y, z = (0.0 - float(v) for v in turned)
         return Placement(-self.yaw, (x, y, z))
 
     def clip(self, clip: Clip) -> Clip:
+        """Return a clip put elsewhere."""
         local = np.array(clip.local_rotations, np.float64)
         local[:, 0] = rotations.multiply(rotations.from_yaw(self.yaw), local[:, 0])
         return clip.posed(self.points(clip.hips_positions), local)
 
 
 def root_track(clip: Clip, terrain: Terrain | None = None) -> RootTrack:
-    """The root of a clip: hips and heading, smoothed, on the `terrain`, or on the level of its lowest sole without one."""
+    """Find the root of a clip: hips and heading, smoothed, on the `terrain`, or on the level of its lowest sole without one."""
     positions, _ = clip.world()
     hips = np.asarray(clip.hips_positions, np.float64)
     heading = np.unwrap(features.facing_yaw(positions).astype(np.float64))
@@ -80,7 +86,7 @@ def root_track(clip: Clip, terrain: Terrain | None = None) -> RootTrack:
 
 
 def smooth(values: Array, deviation: float) -> Array:
-    """Values `(T, n)` through a Gaussian of a deviation in frames; the ends go on as they came, so that they are met."""
+    """Smooth values `(T, n)` by a Gaussian of a deviation in frames; the ends go on as they came, so that they are met."""
     reach = min(round(3.0 * deviation), len(values) - 1)
     if reach < 1:
         return np.array(values, np.float64)

@@ -31,7 +31,7 @@ MOVED_M = 0.05  # less is standing
 
 
 def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
-    """The way of a clip as few points, each with the speed and gait of the leg that leads to it.
+    """Return the way of a clip as few points, each with the speed and gait of the leg that leads to it.
 
     UsageError where it goes nowhere.
     """
@@ -62,7 +62,7 @@ def resimulated_along(
     first: int = 0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[Clip, InputRecording]:
-    """The take along other points from frame `first` on; before, it is bit by bit as it was. It may be longer or shorter."""
+    """Resimulate a take along other points from frame `first` on, bit by bit as it was before; its length may change."""
     place = _place(clip.pose(max(first - 1, 0)))
     walk = PointPath(tuple(points)).walk_from(place)
     pose = clip.pose(max(first - 1, 0))

@@ -147,17 +147,18 @@ def _fan(words: list[str], vertices: int) -> list[tuple[int, int, int]]:
 
 def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
     """All triangles of a glTF where its nodes put them; materials and textures are not looked at."""
-    from runtime.character.read import ancestors, node_world_matrices, open_gltf, read_accessor
+    from runtime.character.nodes import Nodes
+    from runtime.character.read import open_gltf
 
     file = open_gltf(path)
-    world = node_world_matrices(file, *ancestors(file))
+    world = Nodes(file).rest
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     for matrix, mesh, primitive in _gltf_primitives(path, file, world):
         what = f"mesh {mesh}"
-        points = read_accessor(file, primitive.attributes.POSITION, f"POSITION of {what}")
+        points = file.values(primitive.attributes.POSITION, f"POSITION of {what}")
         indices = np.arange(len(points))
         if primitive.indices is not None:
-            indices = read_accessor(file, primitive.indices, f"indices of {what}").ravel().astype(np.int64)
+            indices = file.values(primitive.indices, f"indices of {what}").ravel().astype(np.int64)
         if len(indices) % 3 or indices.min() < 0 or indices.max() >= len(points) or points.shape[1] != 3:
             raise FileError(f"{path}: the indices of {what} do not fit its {len(points)} vertices.", _REMEDY)
         vertices.append(points @ matrix[:3, :3].T + matrix[:3, 3])
@@ -168,7 +169,7 @@ def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
 
 def _gltf_primitives(path: Path, file: Any, world: Array) -> Iterator[tuple[Array, int, Any]]:
     """World matrix, mesh number and primitive of everything made of triangles, as long as it is within the budgets."""
-    from runtime.character.read import MAX_PRIMITIVES, accessor_count
+    from runtime.character.read import MAX_PRIMITIVES
 
     primitives = vertices = triangles = 0
     for node, matrix in zip(file.gltf.nodes or [], world, strict=True):
@@ -177,9 +178,9 @@ def _gltf_primitives(path: Path, file: Any, world: Array) -> Iterator[tuple[Arra
         for primitive in file.gltf.meshes[node.mesh].primitives:
             if primitive.mode not in (None, 4):
                 continue
-            count = accessor_count(file, primitive.attributes.POSITION)
+            count = file.count(primitive.attributes.POSITION)
             primitives, vertices = primitives + 1, vertices + count
-            triangles += (accessor_count(file, primitive.indices) or count) // 3
+            triangles += (file.count(primitive.indices) or count) // 3
             if primitives > MAX_PRIMITIVES or vertices > MAX_VERTICES or triangles > MAX_TRIANGLES:
                 raise FileError(
                     f"{path}: more than {MAX_TRIANGLES} triangles or {MAX_PRIMITIVES} meshes.", _REMEDY

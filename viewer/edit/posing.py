@@ -13,6 +13,8 @@ from runtime.arrays import Array
 from runtime.errors import SportError
 from runtime.pose import Pose
 from runtime.takes.pose_layer import (
+    POSE_CURVES,
+    Curve,
     PoseKey,
     PoseLayer,
     Tangent,
@@ -139,10 +141,10 @@ class Posing:
             key, shown = layer.key_at(playback.frame, fps) or PoseKey(seconds), layer.between(seconds)
             gain = 0.0 if release else 1.0
             for one in posed_by(joint):
-                if one in layer.turned_joints() or (one == joint and not release):
-                    key = key.with_turn(one, gain * shown.turn(one))
-                if one in layer.moved_joints():
-                    key = key.with_move(one, gain * shown.move(one))
+                for curve in POSE_CURVES:
+                    picked = curve is Curve.TURN and one == joint and not release
+                    if picked or one in layer.joints(curve):
+                        key = key.with_value(curve, one, gain * shown.value(curve, one))
             return layer.with_key(key, fps)
 
         self.put(f"{'release' if release else 'key'} of the {NAMES[joint].lower()}", change)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from runtime import rotations
-from runtime.character.bodies import Nodes, find_bodies, open_character
+from runtime.character.bodies import find_bodies, open_character
 from runtime.character.character import load_character
+from runtime.character.nodes import Nodes
 from runtime.character.read import open_gltf
 from runtime.errors import FileError
 from runtime.formats.gltf_motion import read_gltf_motion
@@ -227,7 +228,7 @@ def test_of_two_persons_in_a_character_file_one_is_taken(tmp_path: Path) -> None
     assert len(both.positions) == len(one.positions)
     assert np.array_equal(both.joint_names, one.joint_names)
     file, _ = open_character(path)
-    assert len(find_bodies(Nodes.of(file))) == 2, "its nodes stay"
+    assert len(find_bodies(Nodes(file))) == 2, "its nodes stay"
     assert len(file.gltf.skins) == skins
     assert open_character(plain)[1] == ""
 

@@ -19,8 +19,8 @@ def curves_of(frames: list[int]) -> KeyedCurves:
     """Keys of the head's turn and the hips' shift at frames, and of the camera at the same ones."""
     keys = [
         PoseKey(frame / FPS)
-        .with_turn(HEAD, np.array([0.1, 0.01 * n, -0.2]))
-        .with_move(HIPS, np.array([0.0, -0.02 * n, 0.1]))
+        .with_value(Curve.TURN, HEAD, np.array([0.1, 0.01 * n, -0.2]))
+        .with_value(Curve.MOVE, HIPS, np.array([0.0, -0.02 * n, 0.1]))
         for n, frame in enumerate(frames)
     ]
     cameras = [CameraKey(frame / FPS, 0.1 * n, 0.2, 3.0 + n) for n, frame in enumerate(frames)]

@@ -24,7 +24,7 @@ from runtime.takes.footplants import FootplantEdit, fitted_footplant, footplants
 from runtime.takes.pinned import along_with, farthest, pinned
 from runtime.takes.pins import parse_pins
 from runtime.takes.pose_edits import PoseEdits
-from runtime.takes.pose_layer import PoseKey, PoseLayer, added
+from runtime.takes.pose_layer import Curve, PoseKey, PoseLayer, added
 
 FRAMES, SPEED = 180, 0.6  # of `walk`
 LEFT_HAND, HEAD, LEFT_FOOT = (SPORT_SKELETON.index(name) for name in ("LeftHand", "Head", "LeftFoot"))
@@ -60,7 +60,7 @@ def test_a_hand_or_foot_is_where_it_is_pinned_and_nothing_jumps(walk: Clip, text
 def test_one_frame_alone_is_as_in_the_whole_take_and_costs_one(
     walk: Clip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    layer = PoseLayer((PoseKey(1.0).with_turn(HEAD, np.array([0.0, 0.4, 0.0])),), keeps=True)
+    layer = PoseLayer((PoseKey(1.0).with_value(Curve.TURN, HEAD, np.array([0.0, 0.4, 0.0])),), keeps=True)
     pins = parse_pins(
         "left hand 0.3 1.2 1 from 1 to 2; look 2 1.2 4 from 0.5 to 1.5; pose 1.5 from 0.2 to 0.8"
     )

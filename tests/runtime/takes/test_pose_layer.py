@@ -15,6 +15,7 @@ from runtime.feet.ik import LEG_FEET
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.takes.clip import Clip
 from runtime.takes.pose_layer import (
+    Curve,
     JointValue,
     PoseKey,
     PoseLayer,
@@ -45,7 +46,9 @@ def layer_of(*keys: PoseKey, fps: float = 60.0, **options: float | bool) -> Pose
 def test_a_turn_is_there_at_its_key_and_nowhere_outside_its_eases(
     walk: Clip, vector: tuple[float, float, float], at: int
 ) -> None:
-    layer = layer_of(PoseKey(at / 60.0).with_turn(HEAD, np.array(vector)), ease_in=0.25, ease_out=0.5)
+    layer = layer_of(
+        PoseKey(at / 60.0).with_value(Curve.TURN, HEAD, np.array(vector)), ease_in=0.25, ease_out=0.5
+    )
     made = layered(walk, layer)
     expected = rotations.multiply(
         walk.local_rotations[at, HEAD], rotations.from_rotation_vector(np.array(vector))
@@ -58,13 +61,16 @@ def test_a_turn_is_there_at_its_key_and_nowhere_outside_its_eases(
 
 
 def test_joints_have_curves_of_their_own_and_the_last_key_can_hold(walk: Clip) -> None:
-    head, arm = PoseKey(0.5).with_turn(HEAD, np.eye(3)[0]), PoseKey(1.5).with_turn(ARM, np.eye(3)[1])
+    head, arm = (
+        PoseKey(0.5).with_value(Curve.TURN, HEAD, np.eye(3)[0]),
+        PoseKey(1.5).with_value(Curve.TURN, ARM, np.eye(3)[1]),
+    )
     layer = layer_of(head, arm, ease_in=0.25, ease_out=0.25)
     times = np.array([0.5, 1.0, 1.5])
-    assert np.allclose(layer.turns(HEAD, times), [[1, 0, 0], [0, 0, 0], [0, 0, 0]])
-    assert np.allclose(layer.turns(ARM, times), [[0, 0, 0], [0, 0, 0], [0, 1, 0]])
+    assert np.allclose(layer.values(Curve.TURN, HEAD, times), [[1, 0, 0], [0, 0, 0], [0, 0, 0]])
+    assert np.allclose(layer.values(Curve.TURN, ARM, times), [[0, 0, 0], [0, 0, 0], [0, 1, 0]])
     kept = layer_of(head, arm, ease_in=0.25, keeps=True)
-    assert np.allclose(kept.turns(HEAD, np.array([0.5, 1.0, 60.0])), np.eye(3)[[0, 0, 0]])
+    assert np.allclose(kept.values(Curve.TURN, HEAD, np.array([0.5, 1.0, 60.0])), np.eye(3)[[0, 0, 0]])
 
 
 @given(values=st.lists(small, min_size=2, max_size=6), tangent=st.sampled_from(list(Tangent)))
@@ -72,9 +78,9 @@ def test_joints_have_curves_of_their_own_and_the_last_key_can_hold(walk: Clip) -
 def test_a_curve_passes_its_keys_and_stays_between_them(values: list[float], tangent: Tangent) -> None:
     keys = [PoseKey(1.0 + k, (JointValue(HEAD, v, 0, 0),), (), tangent) for k, v in enumerate(values)]
     layer = layer_of(*keys)
-    assert np.allclose(layer.turns(HEAD, 1.0 + np.arange(len(values)))[:, 0], values)
+    assert np.allclose(layer.values(Curve.TURN, HEAD, 1.0 + np.arange(len(values)))[:, 0], values)
     for k, (a, b) in enumerate(pairwise(values)):
-        between = layer.turns(HEAD, 1.0 + k + np.linspace(0.0, 0.999, 20))[:, 0]
+        between = layer.values(Curve.TURN, HEAD, 1.0 + k + np.linspace(0.0, 0.999, 20))[:, 0]
         assert between.min() >= min(a, b) - 1e-9
         assert between.max() <= max(a, b) + 1e-9
 
@@ -84,7 +90,11 @@ def test_a_curve_passes_its_keys_and_stays_between_them(values: list[float], tan
 def test_feet_stay_where_they_are_while_the_hips_move(
     walk: Clip, down: float, ahead: float, pitch: float
 ) -> None:
-    key = PoseKey(1.0).with_move(0, np.array([0.0, -down, ahead])).with_turn(0, np.array([pitch, 0.0, 0.0]))
+    key = (
+        PoseKey(1.0)
+        .with_value(Curve.MOVE, 0, np.array([0.0, -down, ahead]))
+        .with_value(Curve.TURN, 0, np.array([pitch, 0.0, 0.0]))
+    )
     made = layered(walk, layer_of(key))
     before, after = (clip.world()[0][:, LEG_FEET] for clip in (walk, made))
     straight = np.linalg.norm(after - made.world()[0][:, [2, 7]], axis=-1) > 0.83
@@ -94,7 +104,7 @@ def test_feet_stay_where_they_are_while_the_hips_move(
 
 @pytest.mark.parametrize("joint", [HAND, ELBOW, KNEE, 4, 0, HEAD])
 def test_what_is_dragged_goes_where_it_is_dragged(walk: Clip, joint: int) -> None:
-    walk = layered(walk, layer_of(PoseKey(1.0).with_turn(ELBOW, np.array([0.0, -0.8, 0.0]))))
+    walk = layered(walk, layer_of(PoseKey(1.0).with_value(Curve.TURN, ELBOW, np.array([0.0, -0.8, 0.0]))))
     positions, world = (array[60] for array in walk.world())
     by = np.array([0.02, 0.05, -0.03]) if joint != HAND else np.array([-0.15, 0.1, 0.1])
     key = dragged(PoseKey(1.0), joint, positions.astype(float), world.astype(float), by)

@@ -35,10 +35,10 @@ def app(start: Start) -> App:
     playback = app.takes.playback
     assert playback is not None
     keys = (
-        PoseKey(20 / 60).with_turn(HEAD, np.array([0.0, 0.4, 0.0])),
+        PoseKey(20 / 60).with_value(Curve.TURN, HEAD, np.array([0.0, 0.4, 0.0])),
         PoseKey(60 / 60)
-        .with_turn(HEAD, np.array([0.0, -0.4, 0.0]))
-        .with_move(HIPS, np.array([0.0, -0.1, 0.0])),
+        .with_value(Curve.TURN, HEAD, np.array([0.0, -0.4, 0.0]))
+        .with_value(Curve.MOVE, HIPS, np.array([0.0, -0.1, 0.0])),
     )
     poses = replace(playback.take.poses, layer=PoseLayer(keys))
     cameras = (CameraKey(10 / 60, 0.2, 0.2, 3.0), CameraKey(80 / 60, 1.2, 0.3, 2.0))

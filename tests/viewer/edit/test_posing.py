@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.feet.ik import LEG_FEET
-from runtime.takes.pose_layer import PoseLayer, Tangent
+from runtime.takes.pose_layer import Curve, PoseLayer, Tangent
 from tests.helpers import hand
 from tests.helpers.app_driver import Start, click, click_on, place, press, run
 from tests.viewer.edit.test_timeline import record, seek
@@ -82,17 +82,17 @@ def test_a_joint_is_turned_released_copied_and_mirrored(start: Start) -> None:
     x, y = at(app, HEAD)
     rings = [radius for radius in range(66, 84, 2) if _turned(app, x, y, radius)]
     assert rings  # the outer ring is taken at some distance
-    assert layer(app).turned_joints() == [HEAD]
+    assert layer(app).joints(Curve.TURN) == [HEAD]
     click_on(app, "Copy")
     seek(app, 50)
     click_on(app, "Mirror")
     run(app, 4)
     assert [round(key.seconds * 60) for key in layer(app).keys] == [20, 50]
-    assert set(layer(app).turned_joints()) == set(range(31))
+    assert set(layer(app).joints(Curve.TURN)) == set(range(31))
     seek(app, 65)
     click_on(app, "Free")
     run(app, 4)
-    assert np.allclose(layer(app).turns(HEAD, np.array([65 / 60])), 0.0)
+    assert np.allclose(layer(app).values(Curve.TURN, HEAD, np.array([65 / 60])), 0.0)
     click_on(app, "Del")
     run(app, 4)
     assert len(layer(app).keys) == 2
@@ -160,6 +160,6 @@ def test_the_head_turns_as_far_as_the_mouse_goes_along_a_ring_seen_from_its_edge
     (key,) = layer(app).keys
     (turn,) = key.turns
     assert turn.joint == HEAD
-    degrees = np.degrees(layer(app).turns(HEAD, np.array([20 / 60]))[0])
+    degrees = np.degrees(layer(app).values(Curve.TURN, HEAD, np.array([20 / 60]))[0])
     assert 20.0 < abs(degrees[1]) < 70.0
     assert np.abs(degrees[[0, 2]]).max() < 15.0

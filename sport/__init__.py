@@ -23,15 +23,9 @@ if TYPE_CHECKING:  # "as": names that this package gives on
     from runtime.motion.model import MotionModel as MotionModel
     from runtime.motion.model import load_model as load_model
     from runtime.pose import Pose as Pose
-    from runtime.prompts.blend import (
-        BlendedPrompt as BlendedPrompt,
-    )
-    from runtime.prompts.blend import (
-        mix_of_parts as mix_of_parts,
-    )
-    from runtime.prompts.blend import (
-        parse_weights as parse_weights,
-    )
+    from runtime.prompts.blend import BlendedPrompt as BlendedPrompt
+    from runtime.prompts.blend import mix_of_parts as mix_of_parts
+    from runtime.prompts.blend import parse_weights as parse_weights
     from runtime.prompts.prompter import Prompter as Prompter
     from runtime.skeleton import SPORT_SKELETON as SPORT_SKELETON
     from runtime.takes.clip import Clip as Clip

@@ -25,13 +25,7 @@ from viewer.render.offscreen import save_png
 from viewer.render.overlays import Overlays
 from viewer.scene.simulation import STEP_SECONDS
 from viewer.services import Services
-from viewer.settings import (
-    MAPPINGS_NAME,
-    KeptSettings,
-    Settings,
-    config_directory,
-    load_settings,
-)
+from viewer.settings import MAPPINGS_NAME, KeptSettings, Settings, config_directory, load_settings
 from viewer.window import KEY_CODES, Window, WindowEvents
 from viewer.workspace import Workspace
 
@@ -51,7 +45,7 @@ LATE_S = 0.25  # after that end, a process that was to end because of a signal i
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
-    """Open the viewer and stay until it is closed, or for the frames of the options; the exit code.
+    """Open the viewer and stay until it is closed, or for the frames of the options; return the exit code.
 
     `services` replaces the project's own loaders, `config` the directory of the settings. SportError when an option
     cannot be used or no window can be opened.
@@ -195,7 +189,6 @@ class App(Workspace):
             self._simulate(dt, intent)
 
     def _act(self, intent: Intent) -> None:
-        """Do what the keys and buttons say that were pressed."""
         self.keys.end_enter()
         modal = self.shell.modal
         for action in intent.pressed:  # held actions and gaits are none of this table
@@ -206,7 +199,6 @@ class App(Workspace):
         self.state.crouching = self.devices.mapper.crouching
 
     def _poll(self, dt: float, intent: Intent) -> None:
-        """Take what workers and dialogs have ready."""
         moving = intent.move != (0.0, 0.0)
         for doing, poll, close in (
             ("taking the results of workers", self.jobs.deliver, None),
@@ -344,7 +336,7 @@ class App(Workspace):
         self.until()
 
     def end(self) -> int:
-        """After the last frame: keep unsaved takes, remember the settings, write the screenshot; the exit code.
+        """Keep unsaved takes, remember the settings and write the screenshot after the last frame; return the exit code.
 
         What the user made comes first: a screenshot that cannot be written must not cost it. An offscreen run that
         ends as planned keeps no untitled session. The code is 1 when anything was lost or went elsewhere.

@@ -150,7 +150,6 @@ class Jobs:
         self._cancel([job for job in self._jobs if job.reading and not job.dropped])
 
     def _cancel(self, jobs: list[_Job]) -> None:
-        """End jobs for the user, who is told."""
         self._drop(jobs)
         for job in jobs:
             self.messages.note(

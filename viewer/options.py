@@ -83,7 +83,6 @@ class ViewOptions:
 
 
 def _expected(spec: Spec) -> str:
-    """Return the values that an option may have, in words."""
     if spec.choices is not None:
         return " or ".join(filter(None, spec.choices))
     return f"{spec.low:g} " + ("or more" if spec.high == math.inf else f"to {spec.high:.7g}{spec.unit}")

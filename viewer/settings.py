@@ -192,7 +192,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def checked(name: str, value: Any, default: Any) -> Any:
-    """`value` for the setting `name`, as the type of `default`, when it is allowed; else None."""
+    """Return `value` for the setting `name`, as the type of `default`, when it is allowed; else None."""
     if isinstance(default, list):
         return list(filter(_is_text, value))[:MAX_LIST_ENTRIES] if isinstance(value, list) else None
     read = spec_of(Settings, name).read(value, default)
@@ -296,6 +296,5 @@ def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, 
 
 
 def _joined(ours: list[str], theirs: list[str], before: list[str]) -> list[str]:
-    """This run's list, then what another run has added to it since."""
     added = [text for text in theirs if text not in before and text not in ours]
     return [*ours, *added][:MAX_LIST_ENTRIES]

@@ -60,22 +60,17 @@ class Shell:
 
     def __post_init__(self) -> None:
         self._system_fonts = SystemFonts(self.fonts.regular)
-
-        def close_help() -> bool:
-            self.state.help_open = False
-            return True
-
-        def draw_crouching(view: Rect) -> None:
-            widgets.sign(view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
-
         state, takes = self.state, self.editing.takes
-        crouching = lambda: state.crouching and not takes.recording  # noqa: E731
+        text = f"{ICON.person} Crouching (C stands up)"
         self.panels = [
             *self.panels,
-            Panel("Crouching", PanelPlace.SIGN, draw_crouching, shown=crouching),
+            Panel(
+                "Crouching", PanelPlace.SIGN, lambda view: widgets.sign(view, text, theme.TEXT),
+                shown=lambda: state.crouching and not takes.recording,
+            ),
             Panel(
                 "Controls", PanelPlace.WINDOW, lambda _: help.draw(self.fonts, self.settings), ICON.help,
-                lambda: state.help_open, help.WIDTH_PX, close=close_help, modal=True, light=True,
+                lambda: state.help_open, help.WIDTH_PX, close=partial(self._toggle, "help_open"), modal=True, light=True,
             ),
         ]  # fmt: skip
         self.panels = [safe_panel(panel, self.defects) for panel in self.panels]
@@ -114,12 +109,18 @@ class Shell:
         """Close the window in front, else take the keys from a panel, else close what is open in the view."""
         if self.focus.windows:
             front = self.focus.windows[-1].removesuffix(OVER)
-            any(panel.close() for panel in self.panels if panel.close and panel.name == front)
+            self._close_first(panel for panel in self.panels if panel.name == front)
         elif self.focus.holder:
             self.focus.give_to("")
         else:
-            inside = (p for p in reversed(self.panels) if p.place is not PanelPlace.WINDOW)
-            any(panel.close() for panel in inside if panel.close)
+            self._close_first(p for p in reversed(self.panels) if p.place is not PanelPlace.WINDOW)
+
+    def _close_first(self, panels: Iterable[Panel]) -> None:
+        """Close the first of some panels that is shown and can be closed."""
+        for panel in panels:
+            if panel.close is not None and panel.shown():
+                panel.close()
+                return
 
     def refuse_key(self) -> None:
         """Say who has the keys, until that is so no longer."""
@@ -158,7 +159,10 @@ class Shell:
     def draw(self) -> None:
         """Draw every panel, and act on Esc where ImGui has not."""
         if imgui.is_key_pressed(imgui.Key.escape, False):
-            self._escape()
+            if self.focus.use is not Use.OPEN:
+                self._cancel()
+            # else a mouse that lies on the entry of a menu opens it again
+            imgui.get_current_context().nav_highlight_item_under_nav = True
         layout, view = self._layout, self._layout.view
         self._cover_scripts()
         self._windows = []
@@ -186,14 +190,7 @@ class Shell:
             self._window(panel.name, layout.transport, partial(panel.draw, layout.transport))
         return max(layout.transport.y - layout.view.y, 0.0)
 
-    def _escape(self) -> None:
-        if self.focus.use is not Use.OPEN:
-            self._cancel()
-        # else a mouse that lies on the entry of a menu opens it again
-        imgui.get_current_context().nav_highlight_item_under_nav = True
-
     def _shown(self, *places: PanelPlace) -> list[Panel]:
-        """Return the panels of places that are shown now, in the order of the places."""
         return [p for place in places for p in self.panels if p.place is place and p.shown()]
 
     def _draw_over(self, place: PanelPlace, rect: Rect) -> None:
@@ -203,7 +200,7 @@ class Shell:
                 draw_centred(panel, rect, self.fonts) if panel.width else panel.draw(rect)
 
     def _draw_columns(self, layout: Layout) -> None:
-        """The panels at the sides: in windows of their own, or as tabs where several have one place."""
+        """Draw the panels at the sides: in windows of their own, or as tabs where several have one place."""
         shown, right = self._shown(*_COLUMNS), self._shown(*_COLUMNS[1:])
         rects = dict(zip(_COLUMNS, (layout.prompt, layout.scene, layout.clips), strict=True))
         for panel in shown:

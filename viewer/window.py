@@ -183,7 +183,7 @@ class Window:
                 queue.push_back(code)
 
     def _text(self, codes: list[int]) -> list[int]:
-        """Of characters that ImGui hands out those that no acting key typed: a held W repeats itself."""
+        """Return the characters that no acting key typed, of those that ImGui hands out: a held W repeats itself."""
         text = []
         for code in codes:
             at = next((i for i, (typed, _) in enumerate(self._typed) if typed == code), None)

@@ -39,7 +39,7 @@ from viewer.input.bindings import Action
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.options import ViewOptions
-from viewer.panels import guide, joint_panel, take_prompt_panel, takes_panel
+from viewer.panels import guide, take_prompt_panel, takes_panel
 from viewer.panels.guide import Guide
 from viewer.panels.recovery import CutOffWindow, defect_panel
 from viewer.panels.scene_panel import ScenePanel
@@ -50,6 +50,7 @@ from viewer.prompt.language_model import LanguageModel
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.prompt_panel import PromptPanel
 from viewer.prompt.suggestions import Suggester
+from viewer.scene import joint_mapping
 from viewer.scene.scene import MANNEQUIN, SHIPPED, WALKER, Scene
 from viewer.screenshots import Screenshots
 from viewer.services import Services
@@ -196,7 +197,7 @@ class Workspace:
             guide.panel(self.guide, covered=lambda: compare.open),
             self.settings_window.panel(),
             exports_panel.panel(self.exporting),
-            joint_panel.panel(self.scene.joints),
+            joint_mapping.panel(self.scene.joints),
             self.cut_off.panel(),
             dialogs.panel(),
             defect_panel(self.defects, self.sessions, self.messages),

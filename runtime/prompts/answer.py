@@ -40,7 +40,7 @@ class Answer:
         milliseconds: float = 0.0,
         final: bool = True,
     ) -> Answer:
-        """What an expander made of a prompt, or of six descriptions, and its code (6, 64)."""
+        """Return what an expander made of a prompt, or of six descriptions, and its code (6, 64)."""
         said = expansion.descriptions
         return Answer(
             request if isinstance(request, str) else "",
@@ -55,11 +55,11 @@ class Answer:
         )
 
     def with_words(self, words: Answer) -> Answer:
-        """The same prompt with other words, those of an answer to six descriptions."""
+        """Return the same prompt with other words, those of an answer to six descriptions."""
         return dataclasses.replace(self, words=words.words, z=words.z, final=True, question=words.question)
 
     def keeping(self, parts: Collection[str], before: Answer) -> Answer:
-        """The same answer but for `parts`, which go on as in `before`: a part's code comes from its own words alone."""
+        """Return the same answer but for `parts`, which go on as in `before`: a part's code comes from its own words alone."""
         if not parts:
             return self
         words = {part: getattr(before.words, part) for part in parts}

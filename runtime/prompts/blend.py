@@ -25,7 +25,7 @@ _FORM = f"Write left_arm=1,torso=0.5; the parts are {', '.join(PART_NAMES)}."
 
 
 def check_weights(weights: Mapping[str, Any]) -> Weights:
-    """Weights in the order of `PART_NAMES`, 0 for parts not named; PromptError names a part that is wrong."""
+    """Return weights in the order of `PART_NAMES`, 0 for parts not named; PromptError names a part that is wrong."""
     for part, value in weights.items():
         if part not in PART_NAMES:
             raise PromptError(f"Blend weights: there is no body part '{str(part)[:40]}'.", _FORM)
@@ -39,7 +39,7 @@ def check_weights(weights: Mapping[str, Any]) -> Weights:
 
 
 def mix_of_parts(z_a: Float32Array, z_b: Float32Array, weights: Sequence[float]) -> StyleMix:
-    """The mix in which part k is `weights[k]` (0 to 1) of the way from prompt A to prompt B.
+    """Return the mix in which part k is `weights[k]` (0 to 1) of the way from prompt A to prompt B.
 
     Its codes have each part wholly of A or of B: those of B come in the order of their weights. Equal weights give the
     straight line from A to B, weights of 0 and 1 exactly one code. PromptError when the codes differ in shape or a
@@ -61,7 +61,7 @@ def mix_of_parts(z_a: Float32Array, z_b: Float32Array, weights: Sequence[float])
 
 
 def parse_weights(text: str) -> Weights:
-    """Weights from "left_arm=1,torso=0.5", or one number for all parts; PromptError shows the form."""
+    """Return weights from "left_arm=1,torso=0.5", or one number for all parts; PromptError shows the form."""
     values: dict[str, Any] = {}
     entries = [entry.strip() for entry in text.split(",")]
     if len(entries) == 1 and "=" not in entries[0]:
@@ -92,7 +92,7 @@ class BlendedPrompt:
         check_weights(dict(zip(PART_NAMES, self.weights, strict=True)))
 
     def to_json(self) -> str:
-        """JSON object that `read_words` reads."""
+        """Return the JSON object that `read_words` reads."""
         value = {
             "a": _plain(self.a),
             "b": _plain(self.b),
@@ -102,12 +102,12 @@ class BlendedPrompt:
 
 
 def write_words(words: Words | BlendedPrompt) -> str:
-    """The text that a take keeps of a prompt event; `read_words` reads it."""
+    """Return the text that a take keeps of a prompt event; `read_words` reads it."""
     return words if isinstance(words, str) else words.to_json()
 
 
 def read_words(text: str) -> Words | BlendedPrompt:
-    """What a prompt event of a take asks for: a prompt, six descriptions, or a blend of two. PromptError."""
+    """Return what a prompt event of a take asks for: a prompt, six descriptions, or a blend of two. PromptError."""
     try:
         value = parse_json(text)
     except ValueError:

@@ -43,41 +43,41 @@ class CapturedPhrases:
     clauses: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # and by their clauses
 
     def is_caption(self, part: str, sentence: str) -> bool:
-        """Whether a description is a caption of a captured style."""
+        """Return whether a description is a caption of a captured style."""
         return _words(part, sentence) in self.captions
 
     def styles_of(self, descriptions: PartDescriptions) -> frozenset[str]:
-        """The captured styles that all parts have a caption of."""
+        """Return the captured styles that all parts have a caption of."""
         none: frozenset[str] = frozenset()
         return frozenset.intersection(
             *(self.captions.get(_words(part, getattr(descriptions, part)), none) for part in PARTS)
         )
 
     def caption(self, part: str, sentence: str, among: frozenset[str] = frozenset()) -> dict[str, Ranges]:
-        """The ranges of the styles that a description is a caption of, by target; of those `among` them, where there are any."""
+        """Return by target the ranges of the styles that a description is a caption of, of those `among` them where any are."""
         styles = self.captions.get(_words(part, sentence), frozenset())
         styles = styles & among or styles
         return {name: self._over(styles, part, name) for name in self._names(styles, part)}
 
     def clause(self, part: str, clause: str, target: str) -> Ranges | None:
-        """The range of the one style whose captions have a clause; None for others, which say no more than their phrases."""
+        """Return the range of the only style whose captions have a clause; None where several have it."""
         styles = self.clauses.get((part, clause), frozenset())
         own = len(styles) == 1 and len(clause.split()) >= OWN_CLAUSE_WORDS
         found = self._over(styles, part, target) if own else ()
         return found if any(found) else None
 
     def phrase(self, kind: str, phrase: str, target: str) -> Ranges | None:
-        """The range of a phrase that captions use; None for others."""
+        """Return the range of a phrase that captions use; None for others."""
         return self.phrases.get(kind, {}).get(target, {}).get(phrase)
 
     def moves(self, part: str, clause: str) -> bool:
-        """Whether the hand of every style whose captions have the clause moves too far for a place."""
+        """Return whether the hand of every style whose captions have the clause moves too far for a place."""
         styles = self.clauses.get((part, clause), frozenset())
         hands = [self.styles[style]["walk"].get(part, {}).get("hand_range", (0.0, 0.0)) for style in styles]
         return bool(hands) and min(low for low, _ in hands) > MOVING_HAND_M
 
     def usual(self, gait: str) -> Measured:
-        """What trunks do in the captured clips of a gait."""
+        """Return what trunks do in the captured clips of a gait."""
         return self.usual_of.get(gait, {})
 
     def _names(self, styles: frozenset[str], part: str) -> list[str]:
@@ -85,7 +85,7 @@ class CapturedPhrases:
         return [name for name in OF_CAPTIONS if any(name in row for row in rows)]
 
     def _over(self, styles: frozenset[str], part: str, target: str) -> Ranges:
-        """From the lowest to the highest of several styles, in every gait."""
+        """Return by gait the range from the lowest to the highest of several styles."""
         found = []
         for gait in GAITS:
             rows = [self.styles.get(style, {}).get(gait, {}).get(part, {}).get(target) for style in styles]
@@ -100,7 +100,7 @@ def _words(part: str, sentence: str) -> Clause:
 
 @cache
 def captured() -> CapturedPhrases:
-    """The shipped file; FileError where it is malformed."""
+    """Return the shipped file; FileError where it is malformed."""
     path = asset_path(PHRASE_MEASURES)
     styles = load_styles(asset_path("prompts/styles.json"))
     try:
@@ -121,7 +121,7 @@ def captured() -> CapturedPhrases:
 def _styles_by_words(
     styles: Mapping[str, LibraryStyle], walked: Container[str]
 ) -> tuple[dict[Clause, frozenset[str]], ...]:
-    """The styles that have each caption, and each clause; one that was captured standing says nothing of a walk."""
+    """Return the styles that have each caption, and each clause; one that was captured standing says nothing of a walk."""
     captions: dict[Clause, set[str]] = {}
     clauses: dict[Clause, set[str]] = {}
     for name, part, sentence in captions_by_style(styles):
@@ -133,7 +133,7 @@ def _styles_by_words(
 
 
 def captions_by_style(styles: Mapping[str, LibraryStyle]) -> Iterator[tuple[str, str, str]]:
-    """Style, part and description in small letters, of every caption; of styles without a side their mirror images too."""
+    """Yield style, part and description in small letters, of every caption; of styles without a side their mirror images too."""
     for name, style in styles.items():
         sided = any(side in name for side in ("left", "right"))
         for descriptions in style.descriptions:

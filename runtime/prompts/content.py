@@ -43,7 +43,7 @@ class PromptEncoder:
         self._phrasing = ModelPhrasing() if phrasing is None else phrasing
 
     def encode(self, descriptions: PartDescriptions) -> NDArray[np.float32]:
-        """Z^t `(6, 64)` of six descriptions; ModelError when the network is damaged or gives no finite numbers."""
+        """Return Z^t `(6, 64)` of six descriptions; ModelError when the network is damaged or gives no finite numbers."""
         texts = self._phrasing.followed(descriptions).as_tuple()
         session = self._session
         embeddings = sentence_inputs(self._text_encoder, texts, session.get_inputs()[0].shape[2])
@@ -124,7 +124,7 @@ _BOTH = re.compile(
 
 
 def one_sided(part: str, text: str) -> tuple[str, float]:
-    """A part's sentence as it would be said of the left, and its sign.
+    """Return a part's sentence as it would be said of the left, and its sign.
 
     A limb's sign is 1. Of torso and head it is 1 to the left, -1 to the right (the first side named counts), and 0 where
     no side is named, or both alike ("from left to right").
@@ -140,13 +140,13 @@ def one_sided(part: str, text: str) -> tuple[str, float]:
 
 
 def input_sizes(dimensions: int) -> dict[int, tuple[bool, bool]]:
-    """Length of a sentence's input, for embeddings of `dimensions`, to whether it holds direction words and a side."""
+    """Return the lengths that the input of a sentence may have, each with whether it holds direction words and a side."""
     pairs = [(words, side) for words in (False, True) for side in (False, True)]
     return {dimensions + words * len(GROUPS) + side: (words, side) for words, side in pairs}
 
 
 def sentence_inputs(encoder: TextEncoderLike, texts: Sequence[str], size: int) -> NDArray[np.float32]:
-    """`(6, size)`: the inputs of six descriptions in the order of `PART_NAMES`; ModelError when no input has that size."""
+    """Return `(6, size)`: the inputs of six descriptions in the order of `PART_NAMES`; ModelError when no input has that size."""
     sizes = input_sizes(encoder.dimensions)
     if size not in sizes:
         raise ModelError(
@@ -159,7 +159,7 @@ def sentence_inputs(encoder: TextEncoderLike, texts: Sequence[str], size: int) -
 def part_inputs(
     encoder: TextEncoderLike, parts: Sequence[str], texts: Sequence[str], words: bool, side: bool
 ) -> NDArray[np.float32]:
-    """`(N, D)`: the inputs of sentences, each of the part of the same place in `parts`."""
+    """Return `(N, D)`: the inputs of sentences, each of the part of the same place in `parts`."""
     signs: Sequence[float] = ()
     if side:
         sided = [one_sided(part, text) for part, text in zip(parts, texts, strict=True)]

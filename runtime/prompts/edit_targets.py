@@ -54,13 +54,13 @@ Phrases = dict[str, tuple[int, Values]]
 
 @cache
 def phrases() -> dict[str, dict[str, Phrases]]:
-    """The phrases of every target by the kind of part; FileError where the file is none."""
+    """Return the phrases of every target by the kind of part; FileError where the file is none."""
     return _read()[0]
 
 
 @cache
 def _read() -> tuple[dict[str, dict[str, Phrases]], frozenset[str], frozenset[str]]:
-    """The phrases, and the clauses of legs that edits show alone, and beside others."""
+    """Return the phrases, and the clauses of legs that edits show alone, and beside others."""
     path = asset_path("prompts/edits.toml")
     try:
         tree = tomllib.loads(path.read_text("utf-8"))
@@ -74,7 +74,7 @@ def _read() -> tuple[dict[str, dict[str, Phrases]], frozenset[str], frozenset[st
 
 
 def read_phrases(tree: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[str, Phrases]]:
-    """The same of the file's tables; ValueError names the kind that is none."""
+    """Return the phrases of a file's tables by part and target; ValueError names the kind that is none."""
     found: dict[str, dict[str, Phrases]] = {
         part: {name: {} for name in names} for part, names in TARGETS.items()
     }
@@ -116,14 +116,14 @@ def _columns(target: str, names: Sequence[str], value: Any) -> tuple[int, Values
 
 
 def targets_of(part: str, sentence: str) -> dict[str, Values]:
-    """What the phrases of a description ("left_leg") ask for by hand: a range or a place by target, of those that it speaks of."""
+    """Return the range or place of every target that a description of a part ("left_leg") speaks of, as written by hand."""
     found = spoken(part, sentence)
     return {name: values for name, (_, _, (_, values)) in found.items() if values}
 
 
 @lru_cache(512)
 def spoken(part: str, sentence: str) -> dict[str, tuple[str, str, tuple[int, Values]]]:
-    """By target: the first clause that speaks of it, the longest phrase of that, and what the phrase asks for by hand."""
+    """Return by target the first clause that speaks of it, the longest phrase of that, and what the phrase asks for by hand."""
     clauses, found = sentence.lower().split(","), {}
     for name, table in phrases()[kind_of(part)].items():
         for clause in clauses:
@@ -137,7 +137,7 @@ def spoken(part: str, sentence: str) -> dict[str, tuple[str, str, tuple[int, Val
 
 @lru_cache(512)
 def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int, Ranges], ...]:
-    """Columns of a part's row, each with its range in every gait; `styles` are those that all parts have a caption of."""
+    """Return columns of a part's row, each with its range in every gait; `styles` are those that all parts have a caption of."""
     measured, kind = captured(), kind_of(part)
     if measured.is_caption(part, sentence):
         own = measured.caption(part, sentence, styles)
@@ -154,7 +154,7 @@ def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int,
 
 
 def _ranges(name: str, values: Values, shown: Ranges | None) -> Ranges:
-    """What a phrase asks for in every gait: as captures show it, or else as written by hand."""
+    """Return what a phrase asks for in every gait: as captures show it, or else as written by hand."""
     by_hand = [_by_hand(name, values, captured().usual(gait)) for gait in GAITS]
     return tuple(own or other for own, other in zip(shown or by_hand, by_hand, strict=True))
 
@@ -176,7 +176,7 @@ def _by_hand(name: str, values: Values, usual: Mapping[str, Range]) -> Range:
 
 
 def edit_targets(descriptions: PartDescriptions) -> Array:
-    """What the parts are asked to show, `request.SHAPE`: weights and the weighted ends of ranges."""
+    """Return what the parts are asked to show, `request.SHAPE`: weights and the weighted ends of ranges."""
     result, styles = np.zeros(SHAPE), captured().styles_of(descriptions)
     for row, part in enumerate(PARTS):
         for column, ranges in _asked(part, getattr(descriptions, part), styles):
@@ -202,13 +202,13 @@ def _ask_of_every_trunk(result: Array) -> None:
 
 
 def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[float]) -> Array:
-    """Those of two prompts, each part by its own weight of B."""
+    """Return the targets of two prompts mixed, each part by its own weight of B."""
     of_b = np.array([weights[PART_NAMES.index(part)] for part in PARTS])[:, None, None]
     return np.asarray((1.0 - of_b) * edit_targets(a) + of_b * edit_targets(b))
 
 
 def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
-    """The descriptions that the network reads under the edits: without the clauses of legs that these show alone.
+    """Return the descriptions that the network reads under the edits: without the clauses of legs that these show alone.
 
     Legs that cross by the network as well let it fall out of step with most other words.
     """
@@ -220,7 +220,7 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
 
 
 def _unedited(said: str, side: str) -> str:
-    """The description of a leg without the clauses that edits show alone; as it is where what is left is no sentence."""
+    """Return the description of a leg without the clauses that edits show alone; as it is where what is left is no sentence."""
     _, alone, beside = _read()
     clauses = said.split(", ")
     kept = [clause for clause in clauses if clause.removeprefix(f"{side} ") not in alone]
@@ -233,7 +233,7 @@ def _unedited(said: str, side: str) -> str:
 
 
 def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
-    """The parts, by name, of whose description an edit shows what the network does not."""
+    """Return the parts, by name, of whose description an edit shows what the network does not."""
     if descriptions is None:
         return frozenset()
     asked = edit_targets(descriptions)[GAITS.index("walk"), ..., 0]

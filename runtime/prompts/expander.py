@@ -43,10 +43,10 @@ class Expander(Protocol):
     """Anything that turns a prompt into six body-part descriptions."""
 
     def expand(self, prompt: str) -> Expansion:
-        """Descriptions for `prompt`; PromptError when the prompt cannot be used."""
+        """Return descriptions for `prompt`; PromptError when the prompt cannot be used."""
         ...
 
 
 def check_prompt(prompt: object) -> str:
-    """The prompt with its white space collapsed; PromptError when empty, over-long or with control characters."""
+    """Return the prompt with its white space collapsed; PromptError when empty, over-long or with control characters."""
     return check_text(prompt, "prompt", MAX_PROMPT_CHARACTERS)

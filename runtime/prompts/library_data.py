@@ -85,7 +85,7 @@ class LibraryEmbeddings:
 
 
 def load_styles(path: Path) -> dict[str, LibraryStyle]:
-    """The training styles of styles.json; FileError naming the style when one is malformed."""
+    """Return the training styles of styles.json; FileError naming the style when one is malformed."""
     styles = {}
     for key, value in read_object(path).items():
         with checked(path, f"style {key!r}"):
@@ -99,7 +99,7 @@ def load_styles(path: Path) -> dict[str, LibraryStyle]:
 
 
 def load_library(path: Path, styles: Mapping[str, LibraryStyle]) -> PromptLibrary:
-    """library.json with references to `styles` resolved; FileError naming a malformed entry."""
+    """Return library.json with references to `styles` resolved; FileError naming a malformed entry."""
     file = read_object(path)
     with checked(path, "'categories', 'alone' or 'nothing'"):
         defines = {name: _parts(value["defines"]) for name, value in file.get("categories", {}).items()}
@@ -150,7 +150,7 @@ def _parts(names: list[str]) -> tuple[str, ...]:
 
 
 def library_hash(library: PromptLibrary) -> str:
-    """SHA-256 over all that is embedded: stored embeddings belong to exactly these words."""
+    """Return SHA-256 over all that is embedded: stored embeddings belong to exactly these words."""
     words = [[e.prompt, e.also, e.descriptions.as_tuple()] for e in library.entries]
     return hashlib.sha256(json.dumps([words, library.nothing]).encode("utf-8")).hexdigest()
 
@@ -168,7 +168,7 @@ def embed_library(library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEm
 
 
 def sentences(library: PromptLibrary) -> list[str]:
-    """What the library says of the parts, six for an entry, of the right limbs as of the left ones."""
+    """Return what the library says of the parts, six for an entry, of the right limbs as of the left ones."""
     return [
         one_sided(part, text)[0] if part.endswith(("arm", "leg")) else text
         for entry in library.entries
@@ -181,7 +181,7 @@ def _part_vectors(library: PromptLibrary, encoder: TextEncoderLike) -> NDArray[n
 
 
 def _bodily_score(prompts: NDArray[np.float32], nothing: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Ridge regression of +1 for `prompts` (P, D) and -1 for `nothing` (M, D), both sides of equal weight: (D + 1,)."""
+    """Return ridge regression of +1 for `prompts` (P, D) and -1 for `nothing` (M, D), both sides of equal weight: (D + 1,)."""
     if not len(nothing):
         return np.eye(1, prompts.shape[1] + 1, prompts.shape[1], np.float32)[0]  # all is bodily
     features = np.hstack([np.vstack([prompts, nothing]), np.ones((len(prompts) + len(nothing), 1))])
@@ -206,7 +206,7 @@ def save_embeddings(path: Path, embeddings: LibraryEmbeddings, digest: str, enco
 
 
 def load_embeddings(path: Path, library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEmbeddings | None:
-    """Stored embeddings, or None when there are none for these words and this encoder; FileError when damaged."""
+    """Return stored embeddings, or None when there are none for these words and this encoder; FileError when damaged."""
     if not path.exists():
         return None
     remedy = "Run `python -m training.text.build_library`, or install the program again."
@@ -227,19 +227,19 @@ def load_embeddings(path: Path, library: PromptLibrary, encoder: TextEncoderLike
 
 
 def vectors_as_bytes(vectors: NDArray[np.float32]) -> NDArray[np.int8]:
-    """Unit vectors `(..., D)` as bytes, each by its largest number."""
+    """Return unit vectors `(..., D)` as bytes, each by its largest number."""
     largest = np.abs(vectors).max(axis=-1, keepdims=True, initial=1e-9)
     return np.round(vectors / largest * 127).astype(np.int8)
 
 
 def unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
-    """The inverse of `_bytes`: the scale is that of unit length."""
+    """Return the inverse of `_bytes`: the scale is that of unit length."""
     vectors = stored.astype(np.float32)
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1.0), np.float32)
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """The JSON object of a file; FileError."""
+    """Return the JSON object of a file; FileError."""
     with checked(path, "the JSON"):
         value = parse_json(read_bounded(path, MAX_BYTES))
         if not isinstance(value, dict):

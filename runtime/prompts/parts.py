@@ -44,7 +44,7 @@ class PartDescriptions:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> PartDescriptions:
-        """Descriptions from a mapping with exactly the six part names; PromptError otherwise."""
+        """Return descriptions from a mapping with exactly the six part names; PromptError otherwise."""
         missing = [part for part in PART_NAMES if part not in values]
         unknown = sorted(str(key) for key in values if key not in PART_NAMES)
         if missing or unknown:
@@ -56,7 +56,7 @@ class PartDescriptions:
 
     @classmethod
     def from_json(cls, text: str) -> PartDescriptions:
-        """Descriptions from a JSON object; PromptError when it is not one."""
+        """Return descriptions from a JSON object; PromptError when it is not one."""
         try:
             values = parse_json(text)
         except ValueError as error:
@@ -67,32 +67,32 @@ class PartDescriptions:
         return cls.from_mapping(values)
 
     def to_mapping(self) -> dict[str, str]:
-        """Part name → description, in the order of `PART_NAMES`."""
+        """Return part name → description, in the order of `PART_NAMES`."""
         return {part: getattr(self, part) for part in PART_NAMES}
 
     def to_json(self) -> str:
-        """JSON object that `from_json` reads."""
+        """Return the JSON object that `from_json` reads."""
         return json.dumps(self.to_mapping(), ensure_ascii=False)
 
     def as_tuple(self) -> tuple[str, ...]:
-        """The six descriptions in the order of `PART_NAMES`."""
+        """Return the six descriptions in the order of `PART_NAMES`."""
         return tuple(getattr(self, part) for part in PART_NAMES)
 
     def mirrored(self) -> PartDescriptions:
-        """Descriptions of the mirrored motion: sides of the limbs and the words left and right exchanged."""
+        """Return descriptions of the mirrored motion: sides of the limbs and the words left and right exchanged."""
         return PartDescriptions(
             **{_SWAPPED_PARTS.get(part, part): mirror_text(text) for part, text in self.to_mapping().items()}
         )
 
     def replace(self, part: str, text: str) -> PartDescriptions:
-        """A copy with one description exchanged; PromptError for an unknown part or unusable text."""
+        """Return a copy with one description exchanged; PromptError for an unknown part or unusable text."""
         if part not in PART_NAMES:
             raise PromptError(f"Unknown body part {part!r}.", f"Use one of {', '.join(PART_NAMES)}.")
         return dataclasses.replace(self, **{part: text})
 
 
 def mirror_text(text: str) -> str:
-    """`text` with the words left and right exchanged, their capitals kept."""
+    """Return `text` with the words left and right exchanged, their capitals kept."""
 
     def swap(match: re.Match[str]) -> str:
         word = match.group(0)
@@ -105,7 +105,7 @@ def mirror_text(text: str) -> str:
 
 
 def check_text(text: object, field: str, limit: int) -> str:
-    """`text` with its white space collapsed; PromptError when it is empty, over-long or has control characters."""
+    """Return `text` with its white space collapsed; PromptError when it is empty, over-long or has control characters."""
     if not isinstance(text, str):
         raise PromptError(f"The {field} is {type(text).__name__}, expected text.", "Give a string.")
     if len(text) > limit:

@@ -33,7 +33,7 @@ class PromptAdherence:
     clauses: Mapping[Key, float] = field(default_factory=dict)
 
     def of(self, sentence: str, part: str) -> float | None:
-        """Fraction of what `sentence` says of `part` that a walk shows; None where it was not measured.
+        """Return fraction of what `sentence` says of `part` that a walk shows; None where it was not measured.
 
         A sentence that is not in the table has the mean of its clauses, if any is.
         """
@@ -47,7 +47,7 @@ class PromptAdherence:
         return sum(known) / len(known) if known else None
 
     def weakly_shown(self, descriptions: PartDescriptions) -> dict[str, float]:
-        """Parts whose sentences are shown by less than `HARDLY_SHOWN_FRACTION`, with their fractions."""
+        """Return parts whose sentences are shown by less than `HARDLY_SHOWN_FRACTION`, with their fractions."""
         found = {part: self.of(text, part) for part, text in descriptions.to_mapping().items()}
         return {
             part: value
@@ -58,7 +58,7 @@ class PromptAdherence:
     def note(
         self, descriptions: PartDescriptions, read: PartDescriptions, edited: frozenset[str] = frozenset()
     ) -> str:
-        """A sentence for the user about what is hardly shown of `descriptions`, or "".
+        """Return a sentence for the user about what is hardly shown of `descriptions`, or "".
 
         `read` is what the model reads in their place; parts that are `edited` show what they say.
         """
@@ -77,7 +77,7 @@ class ModelPhrasing:
     table: Mapping[Key, str] = field(default_factory=dict)
 
     def of(self, sentence: str, part: str) -> str:
-        """The sentence that the model reads for `part`."""
+        """Return the sentence that the model reads for `part`."""
         group, words = as_left_limb(sentence, part)
         other = self.table.get((part, words), self.table.get((group, words)))
         if other is None:
@@ -85,14 +85,14 @@ class ModelPhrasing:
         return mirror_text(other) if part.startswith("right") else other
 
     def followed(self, descriptions: PartDescriptions) -> PartDescriptions:
-        """The six sentences that the model reads."""
+        """Return the six sentences that the model reads."""
         return PartDescriptions(
             **{part: self.of(text, part) for part, text in descriptions.to_mapping().items()}
         )
 
 
 def as_left_limb(sentence: str, part: str) -> Key:
-    """Group of a part, and its sentence as it describes the left limb; ValueError for an unknown part."""
+    """Return the group of a part, and its sentence as it describes the left limb; ValueError for an unknown part."""
     if part not in PART_NAMES:
         raise ValueError(f"unknown body part {part!r}")
     side, _, limb = part.partition("_")
@@ -102,23 +102,23 @@ def as_left_limb(sentence: str, part: str) -> Key:
 
 @lru_cache(maxsize=8)
 def adherence_of(model: str = DEFAULT_MODEL) -> PromptAdherence:
-    """The shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
+    """Return the shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
     return load_adherence(asset_path(ADHERENCE)).get(model, PromptAdherence())
 
 
 @lru_cache(maxsize=8)
 def phrasing_of(model: str) -> ModelPhrasing:
-    """The shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
+    """Return the shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
     return load_phrasings(asset_path(PHRASINGS)).get(model, ModelPhrasing())
 
 
 def load_adherence(path: Path) -> dict[str, PromptAdherence]:
-    """Tables by model; none where there is no file. FileError when it is malformed."""
+    """Return tables by model; none where there is no file. FileError when it is malformed."""
     return _load(path, lambda of: PromptAdherence(_fractions(of["sentences"]), _fractions(of["clauses"])))
 
 
 def load_phrasings(path: Path) -> dict[str, ModelPhrasing]:
-    """Tables by model; none where there is no file. FileError when it is malformed."""
+    """Return tables by model; none where there is no file. FileError when it is malformed."""
     return _load(
         path, lambda groups: ModelPhrasing(_rows(groups, lambda text: isinstance(text, str) and text))
     )

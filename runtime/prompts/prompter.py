@@ -60,7 +60,7 @@ class Prompter:
     def listening(
         self, report: Callable[[str], None], expanded: Callable[[str, PartDescriptions], object]
     ) -> Prompter:
-        """The same prompter, with what it has read, for another listener."""
+        """Return the same prompter, with what it has read, for another listener."""
         other = copy.copy(self)
         other._report, other._expanded = report, expanded
         return other
@@ -71,7 +71,7 @@ class Prompter:
         return LibraryExpander(library_encoder(self.text_encoder))
 
     def expand(self, prompt: str) -> Expansion:
-        """Six descriptions of a prompt; PromptError when it cannot be used."""
+        """Return six descriptions of a prompt; PromptError when it cannot be used."""
         expansion = self._expander.expand(prompt)
         self._expanded(prompt, expansion.descriptions)
         note = f"{expansion.note} {self._note(expansion.descriptions)}".strip()
@@ -86,13 +86,13 @@ class Prompter:
     def __call__(self, words: BlendedPrompt) -> StyleMix: ...
 
     def __call__(self, words: Words | BlendedPrompt) -> NDArray[np.float32] | StyleMix:
-        """Z^t `(6, 64)`, or the mix of a blend; PromptError when the words cannot be used."""
+        """Return Z^t `(6, 64)`, or the mix of a blend; PromptError when the words cannot be used."""
         if isinstance(words, BlendedPrompt):
             return self._blend(self(words.a), self(words.b), words.weights)
         return self._read(words)[1]
 
     def style(self, words: Words | BlendedPrompt, exact_legs: bool = True) -> StyleMix:
-        """What a character moves by; `exact_legs`: edits show of legs and trunk what the network does not."""
+        """Return what a character moves by; `exact_legs`: edits show of legs and trunk what the network does not."""
         if isinstance(words, BlendedPrompt):
             (a, z_a), (b, z_b) = self._read(words.a, exact_legs), self._read(words.b, exact_legs)
             mix, edits = self._blend(z_a, z_b, words.weights), blended_targets(a, b, words.weights)
@@ -102,7 +102,7 @@ class Prompter:
         return replace(mix, edits=edits) if exact_legs else mix
 
     def _read(self, words: Words, exact_legs: bool = False) -> tuple[PartDescriptions, NDArray[np.float32]]:
-        """The six descriptions and their code, under the edits of `exact_legs`."""
+        """Return the six descriptions and their code, under the edits of `exact_legs`."""
         if isinstance(words, PartDescriptions):
             if note := self._note(words):
                 self._report(note)
@@ -115,7 +115,7 @@ class Prompter:
         return self._adherence.note(descriptions, read, edited_parts(descriptions))
 
     def _blend(self, a: NDArray[np.float32], b: NDArray[np.float32], weights: Weights) -> StyleMix:
-        """The mix in which `weights` of the change are done; a pair is measured once."""
+        """Return the mix in which `weights` of the change are done; a pair is measured once."""
         if mixes(weights):
             pair = a.tobytes(), b.tobytes()
             if pair not in self._weights_of_pairs:

@@ -23,7 +23,7 @@ class SteppedExpander(Expander, Protocol):
     """An expander that has something to say before its answer is final."""
 
     def steps(self, prompt: str, stop: threading.Event) -> Iterator[tuple[Expansion, bool]]:
-        """(expansion, whether it is the final one), best last; PromptCancelledError soon after `stop` is set."""
+        """Yield (expansion, whether it is the final one), best last; PromptCancelledError soon after `stop` is set."""
         ...
 
 
@@ -74,7 +74,7 @@ class PromptWorker:
             self._replace(None)
 
     def poll(self) -> Answer | None:
-        """The newest answer to the newest request that was not polled yet, or None; raises the request's error."""
+        """Return the newest answer to the newest request that was not polled yet, or None; raises the request's error."""
         with self._condition:
             if self._work is None or self._work.answer is None:
                 return None
@@ -121,7 +121,7 @@ class PromptWorker:
                     work.answer = answer  # never polled when a newer request has taken its place
 
     def _answers(self, work: _Work, expander: Expander) -> Iterator[Answer | SportError]:
-        """Every answer to a request, encoded; an error is the last."""
+        """Yield every answer to a request, encoded; an error is the last."""
         started = time.perf_counter()
         try:
             for expansion, final in _expansions(work, expander):

@@ -57,7 +57,7 @@ class TextEncoderLike(Protocol):
         ...
 
     def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """Unit vectors `(N, D)` of N texts."""
+        """Return unit vectors `(N, D)` of N texts."""
         ...
 
 
@@ -77,7 +77,7 @@ class TextEncoder:
         self._lock = threading.Lock()
 
     def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """Unit vectors `(N, D)` of N texts, each cut after `max_tokens` (128); ModelError when a file is damaged."""
+        """Return unit vectors `(N, D)` of N texts, each cut after `max_tokens` (128); ModelError when a file is damaged."""
         if not texts:
             return np.zeros((0, self.dimensions), np.float32)
         # One text a run: the dynamic quantisation scales its activations over the whole batch, so in a batch a
@@ -166,7 +166,7 @@ class TextEncoder:
 
     @cached_property
     def _paths(self) -> tuple[Path, Path]:
-        """Of the network and of the tokenizer."""
+        """Paths of the network and of the tokenizer."""
         return self._path(self._metadata.graph), self._path("tokenizer.json")
 
     @cached_property
@@ -207,7 +207,7 @@ class TextEncoder:
 def text_encoder_of(
     metadata: Mapping[str, Any], model_folder: Path, directory: Path | None = None
 ) -> TextEncoder:
-    """The text encoder that a model was trained with, by the model's `metadata`.
+    """Return the text encoder that a model was trained with, by the model's `metadata`.
 
     It is read from `directory`, else from `text_encoder/` in the model folder, else it is the shipped one. ModelError
     when that is another than the model's: vectors of another network mean nothing to it.
@@ -230,7 +230,7 @@ def text_encoder_of(
 
 
 def library_encoder(text_encoder: TextEncoder) -> TextEncoder:
-    """The shipped text encoder: `text_encoder` itself where it is that one.
+    """Return the shipped text encoder: `text_encoder` itself where it is that one.
 
     The prompt library's similarities are those of the shipped network, whatever a model was trained with.
     """
@@ -238,7 +238,7 @@ def library_encoder(text_encoder: TextEncoder) -> TextEncoder:
 
 
 def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
-    """A CPU session of one thread that does not spin while idle; ModelError when the file is no network."""
+    """Return a CPU session of one thread that does not spin while idle; ModelError when the file is no network."""
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
@@ -257,7 +257,7 @@ def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
 
 
 def _tokens(tokenizer: Tokenizer, text: str, path: Path, remedy: str) -> list[int]:
-    """The numbers of a text's tokens, at least one; ModelError where a damaged tokenizer fails at it."""
+    """Return the numbers of a text's tokens, at least one; ModelError where a damaged tokenizer fails at it."""
     try:
         tokens = list(tokenizer.encode(text).ids)
     except BaseException as error:
@@ -268,7 +268,7 @@ def _tokens(tokenizer: Tokenizer, text: str, path: Path, remedy: str) -> list[in
 
 
 def _not_of_tokenizers(error: BaseException, path: Path, remedy: str) -> BaseException:
-    """The ModelError for what tokenizers raises, which is a bare Exception or a panic of Rust; others as they are."""
+    """Return the ModelError for what tokenizers raises, which is a bare Exception or a panic of Rust; others as they are."""
     if isinstance(error, Exception) or type(error).__name__ == "PanicException":
         return _damaged(path, "a tokenizer", error, remedy)
     return error

@@ -34,7 +34,7 @@ class Once:
         self._known: dict[tuple[str, int], tuple[weakref.ref[Any], Any]] = {}
 
     def get(self, what: str, thing: Any, make: Callable[[], Made]) -> Made:
-        """What `make` gives for a thing, made once."""
+        """Return what `make` gives for a thing, made once."""
         key = what, id(thing)
         known = self._known.get(key)
         if known is None or known[0]() is not thing:
@@ -50,7 +50,7 @@ class BlobWriter:
     put: Callable[[str, bytes], None]
 
     def array(self, values: Any, kind: str = "<f4") -> str:
-        """The reference of an array of a kind that `_REFERENCE` names."""
+        """Return the reference of an array of a kind that `_REFERENCE` names."""
         plain = np.ascontiguousarray(values, np.dtype(kind))
         content = plain.tobytes()
         key = hashlib.blake2b(content, digest_size=16).hexdigest()
@@ -74,13 +74,13 @@ class BlobReader:
     _made: dict[Any, Any] = field(default_factory=dict)
 
     def once(self, what: str, key: Any, make: Callable[[], Made]) -> Made:
-        """What `make` gives for a key, made once however often the file names it."""
+        """Return what `make` gives for a key, made once however often the file names it."""
         if (what, key) not in self._made:
             self._made[what, key] = make()
         return self._made[what, key]
 
     def array(self, reference: Any, kind: str, shape: Sequence[int | None]) -> NDArray[Any]:
-        """An array; FileError unless it has this kind and shape (None: any length)."""
+        """Return an array; FileError unless it has this kind and shape (None: any length)."""
         named, sides, key = self._parts(reference)
         fits = named == kind and len(sides) == len(shape)
         if not fits or any(b not in (None, a) for a, b in zip(sides, shape, strict=True)):
@@ -100,11 +100,11 @@ class BlobReader:
         return self.array(reference, "|u1", (None,)).tobytes()
 
     def text(self, reference: Any) -> str:
-        """Text; ValueError where it is none."""
+        """Return text; ValueError where it is none."""
         return self.data(reference).decode("utf-8", "surrogatepass")
 
     def size(self, reference: Any) -> int:
-        """Bytes that a reference says its content has."""
+        """Return bytes that a reference says its content has."""
         kind, sides, _ = self._parts(reference)
         return math.prod(sides) * np.dtype(kind).itemsize
 

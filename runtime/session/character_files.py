@@ -30,7 +30,7 @@ _UNSAFE = re.compile(r"""[\x00-\x1f\x7f\\/:*?"<>|\ud800-\udfff]+""")
 
 
 def read_character_files(path: Path) -> Files:
-    """The glTF file first, then buffers and images in its folder and settings of the same name; FileError."""
+    """Return the files of a character: the glTF, buffers and images of its folder, settings of the same name; FileError."""
     stem, suffix = os.path.splitext(path.name)
     stem = _UNSAFE.sub("-", stem).encode()[:80].decode(errors="ignore").strip(" .-")
     main, left = (stem or "character") + suffix, MAX_ALL_BYTES
@@ -51,7 +51,7 @@ def read_character_files(path: Path) -> Files:
 
 
 def _local_uris(path: Path) -> list[str]:
-    """What a glTF file refers to in its own folder and is there: an image that is missing costs its texture only."""
+    """Return what a glTF file refers to in its own folder and is there: an image that is missing costs its texture only."""
     gltf = open_gltf(path).gltf
     uris: list[Any] = [entry.uri for entry in (*(gltf.buffers or []), *(gltf.images or []))]
     local = dict.fromkeys(uri for uri in uris if isinstance(uri, str) and not uri.startswith("data:"))
@@ -59,7 +59,7 @@ def _local_uris(path: Path) -> list[str]:
 
 
 def _settings_name(name: str, path: Path, main: str) -> str:
-    """How a JSON file is kept that belongs to the glTF by its name; "" for another one."""
+    """Return how a JSON file is kept that belongs to the glTF by its name; "" for another one."""
     for begin, safe in ((path.name, main), (path.stem, Path(main).stem)):
         rest = name.removeprefix(begin)
         if rest != name and rest.startswith(".") and safe_name(safe + rest):
@@ -68,7 +68,6 @@ def _settings_name(name: str, path: Path, main: str) -> str:
 
 
 def _is_in_folder(path: Path, name: str) -> bool:
-    """Whether a reference is a file that is in the folder of `path`."""
     try:
         file = (path.parent / name).resolve()
         return file.is_relative_to(path.parent.resolve()) and file.is_file()
@@ -77,7 +76,7 @@ def _is_in_folder(path: Path, name: str) -> bool:
 
 
 def _kept_name(name: str, taken: set[str]) -> str:
-    """The name that a file is kept by: its own, or another where that is none or taken; it is taken then."""
+    """Return the name that a file is kept by: its own, or another where that is none or taken; it is taken then."""
     kept = name
     if not safe_name(name) or _one_file(name) in taken:
         suffix = re.search(r"\.[a-zA-Z0-9]{1,8}$", name)
@@ -88,12 +87,11 @@ def _kept_name(name: str, taken: set[str]) -> str:
 
 
 def _one_file(name: str) -> str:
-    """The same for names that are one file on some system: they differ in case or in the form of Unicode."""
+    """Return one form of names that are one file on some system: they differ in case or in the form of Unicode."""
     return normalize("NFC", name).casefold()
 
 
 def _with_uris(content: bytes, names: dict[str, str]) -> bytes:
-    """A glTF or GLB whose buffers and images have other URIs."""
     binary = content[:4] == b"glTF"
     length = struct.unpack_from("<I", content, 12)[0] if binary else len(content)
     document = parse_json(content[20 : 20 + length] if binary else content)
@@ -135,7 +133,7 @@ def check_character_files(files: Files) -> None:
 
 
 def safe_name(name: Any) -> bool:
-    """Whether a relative name stays in its folder and can be written on every system."""
+    """Return whether a relative name stays in its folder and can be written on every system."""
     if not is_text(name) or not 0 < len(name.encode()) <= MAX_NAME_BYTES:
         return False
     parts = PurePosixPath(name).parts  # "." and ".." end in a dot

@@ -40,9 +40,8 @@ from runtime.session.sqlite_file import (
     take_lock,
     unwritten_files,
 )
-from runtime.session.stored_rows import StoredRows
+from runtime.session.stored_rows import StoredRows, Writer
 from runtime.session.tables import copy_rows
-from runtime.session.writer import Writer
 
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
@@ -84,7 +83,7 @@ class Database(StoredRows):
 
     @staticmethod
     def create(path: Path) -> Database:
-        """A new file, locked; FileError, also where a file of this name is."""
+        """Create a file and lock it; FileError, also where a file of this name is."""
         path = real_path(path)
         handle = take_lock(path)
         try:
@@ -99,7 +98,7 @@ class Database(StoredRows):
 
     @staticmethod
     def open(path: Path) -> Database:
-        """A file that is there, checked and locked; FileError in one sentence, FileInUse.
+        """Open a file that is there, check and lock it; FileError in one sentence, FileInUse.
 
         A new file with its rows takes its place. Where the disk has no room for that it is in memory until there is.
         """
@@ -122,7 +121,7 @@ class Database(StoredRows):
 
     @staticmethod
     def read(path: Path, thorough: bool = True) -> Database:
-        """A file to be read only, which another process may have open; FileError.
+        """Open a file for reading only, which another process may have open; FileError.
 
         Not `thorough`: the pages are not looked through, for a listing.
         """
@@ -312,7 +311,7 @@ class Database(StoredRows):
             )
 
     def _disconnect(self) -> None:
-        """Both at once: the last one removes the log, by its name."""
+        """Close both connections at once: the last one removes the log, by its name."""
         self._unchecked.set()
         if self._checker is not None:
             self._checker.join()
@@ -331,7 +330,7 @@ class Database(StoredRows):
         return self._writer
 
     def _present(self) -> list[tuple[int, int]]:
-        """Which files have our names now."""
+        """Return which files have our names now."""
         found = [os.stat(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
         return [(status.st_dev, status.st_ino) for status in found]
 
@@ -353,7 +352,7 @@ class Database(StoredRows):
             self._connect()
 
     def _run(self) -> None:
-        """The thread: what waits is written soon, and when nothing comes the log goes into the file."""
+        """Write soon what waits, and put the log into the file when nothing comes."""
         logged = False
         while True:
             with self._changed:
@@ -373,7 +372,6 @@ class Database(StoredRows):
 
     @property
     def _hurried(self) -> bool:
-        """Whether nothing is to be waited for."""
         return self._urgent or self._ending
 
     def _write(self) -> bool:
@@ -422,7 +420,7 @@ class Database(StoredRows):
         self._lost = f"{self.path}: a change cannot be kept ({said(error)}). Please report this defect."
 
     def _settle(self, count: int, committed: Sequence[Callable[[], None]]) -> None:
-        """The first `count` works are on disk."""
+        """Forget the first `count` works, which are on disk."""
         for done in committed:
             try:
                 done()

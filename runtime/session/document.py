@@ -42,18 +42,18 @@ LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
 @cache
 def record_fields(kind: Any) -> tuple[tuple[str, Any], ...]:
-    """Fields of a record with their types."""
+    """Return fields of a record with their types."""
     hints = typing.get_type_hints(kind)
     return tuple((f.name, hints[f.name]) for f in fields(kind) if (kind, f.name) not in _NOT_KEPT)
 
 
 def pack_sticks(rows: NDArray[np.float64]) -> bytes:
-    """Sticks and settings of frames `(T, COLUMNS)`."""
+    """Return sticks and settings of frames `(T, COLUMNS)`."""
     return packed_table(rows.astype("<f8", copy=False)) if len(rows) else b""
 
 
 def unpack_sticks(content: bytes, count: int) -> NDArray[np.float64]:
-    """What `pack_sticks` packed; ValueError for what no hand can push."""
+    """Return what `pack_sticks` packed; ValueError for what no hand can push."""
     if len(content) != 8 * COLUMNS * count:
         raise ValueError("sticks of another length")
     if not count:
@@ -97,7 +97,7 @@ class DocumentWriter:
         return json.dumps(self._record(session), ensure_ascii=True)
 
     def inputs(self, inputs: InputRecording) -> Json:
-        """JSON of what made a take, but for its sticks: see `pack_sticks`."""
+        """Return JSON of what made a take, but for its sticks: see `pack_sticks`."""
         return {
             "changes": [[change.frame, self._change(change)] for change in inputs.changes],
             "keyframes": [[key.frame, self._snapshot(key.snapshot)] for key in inputs.keyframes],
@@ -153,11 +153,11 @@ class DocumentWriter:
 
 
 def _text(text: str) -> str:
-    """Text as it can be read again."""
+    """Return text as it can be read again."""
     return printable(text).replace("\0", "\ufffd")
 
 
 def header_text(header: MotionHeader, recording: bool = False) -> str:
-    """A motion's header as JSON; `recording`: it is not finished."""
+    """Return a motion's header as JSON; `recording`: it is not finished."""
     value = DocumentWriter(lambda key, content: None)._record(header)
     return json.dumps(value | {"recording": recording}, ensure_ascii=True)

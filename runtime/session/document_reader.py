@@ -14,21 +14,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.character.character import NAMED_UNITS
 from runtime.checked import read_number, read_text, read_whole
 from runtime.edits.request import checked_targets
 from runtime.errors import FileError, SportError
+from runtime.motion.control_scripts import MAX_POINTS
 from runtime.motion.snapshot import Snapshot
 from runtime.motion.style import StyleMix
 from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import is_text, parse_json, reason
 from runtime.session.blobs import REMEDY, BlobReader
-from runtime.session.document import LONG_TEXTS, MAX_ITEMS, MAX_TEXT_CHARACTERS, Json, record_fields
-from runtime.session.document_checks import checked_record
+from runtime.session.character_files import safe_name
+from runtime.session.document import (
+    LONG_TEXTS,
+    MAX_FRAMES,
+    MAX_ITEMS,
+    MAX_TEXT_CHARACTERS,
+    Json,
+    record_fields,
+)
 from runtime.session.motion import Motion, MotionHeader
-from runtime.session.prompt_blend import PromptBlend
-from runtime.session.session import CharacterChoice, Ground, Session, Take
-from runtime.takes.clip import MAX_DISTANCE_M, MAX_SIZE, MIN_SIZE
-from runtime.takes.footplants import MAX_FRAME
+from runtime.session.prompt_blend import Answer, PromptBlend
+from runtime.session.session import LIVE, MAX_RATING, CharacterChoice, Ground, Session, Take
+from runtime.skeleton import PART_NAMES
+from runtime.takes.camera_keys import MAX_KEYS
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_SIZE, MIN_SIZE
+from runtime.takes.footplants import MAX_FRAME, FootplantEdit
 from runtime.takes.input_recording import (
     Change,
     GroundChange,
@@ -40,12 +51,15 @@ from runtime.takes.input_recording import (
 )
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
+from runtime.takes.pins import MAX_PINS
 from runtime.takes.pose_edits import PoseEdits
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
 
 MAX_TAKES = 10_000
+MAX_VARIANTS, MAX_NEAREST = 9, 20
+SOURCES = ("library", "gpt", "explicit")
 # in memory, about: of a take without its frames, of a state, and of a change of what made a take
 TAKE_BYTES, STATE_BYTES, CHANGE_BYTES = 20_000, 65_536, 4096
 ITEM_BYTES = 100  # of a value of a text
@@ -85,12 +99,12 @@ class DocumentReader:
         return self.checked(lambda: self._record(Session, self._parsed(text)))
 
     def _parsed(self, text: str) -> Json:
-        """The value of a text, whose making is counted before."""
+        """Return the value of a text, whose making is counted before."""
         self.blobs.budget.spend(ITEM_BYTES * sum(map(text.count, "[{,")))
         return parse_json(text, MAX_ITEMS)
 
     def header(self, text: str) -> tuple[MotionHeader, bool]:
-        """A motion's header, and whether its recording was cut off."""
+        """Return a motion's header, and whether its recording was cut off."""
 
         def read() -> tuple[MotionHeader, bool]:
             value = self._parsed(text)
@@ -99,7 +113,7 @@ class DocumentReader:
         return self.checked(read)
 
     def checked(self, read: Callable[[], Any]) -> Any:
-        """What `read` gives; FileError where it fails by what it reads."""
+        """Return what `read` gives; FileError where it fails by what it reads."""
         path = self.blobs.path
         try:
             return read()
@@ -111,7 +125,7 @@ class DocumentReader:
             raise FileError(f"{path}: damaged ({reason(error)}).", REMEDY) from error
 
     def inputs(self, value: Json, frames: InputFrames) -> InputRecording:
-        """What made a take, of JSON and its sticks; FileError or one of `STRUCTURE_ERRORS` for what is none."""
+        """Return what made a take, of JSON and its sticks; FileError or one of `STRUCTURE_ERRORS` for what is none."""
         keyframes = tuple(self._keyframe(*key) for key in value["keyframes"])
         changes = tuple(self._change(*change) for change in value["changes"])
         starts = [key.frame for key in keyframes]
@@ -123,14 +137,13 @@ class DocumentReader:
 
     def _record(self, kind: Any, value: Json) -> Any:
         longest = math.inf if kind in LONG_TEXTS else MAX_TEXT_CHARACTERS
-        schema = record_fields(kind)
-        if value.keys() != {name for name, _ in schema}:
-            schema = tuple(entry for entry in schema if entry[0] in value or (kind, entry[0]) not in _LATER)
-            if kind is not MotionHeader and set(value) != {name for name, _ in schema}:
-                raise ValueError(f"not the fields of a {kind.__name__}")
-        return checked_record(
-            kind(**{name: self._value(hint, value[name], longest) for name, hint in schema})
-        )
+        schema = {
+            name: hint for name, hint in record_fields(kind) if name in value or (kind, name) not in _LATER
+        }
+        if kind is not MotionHeader and value.keys() != schema.keys():
+            raise ValueError(f"not the fields of a {kind.__name__}")
+        read = {name: self._value(hint, value[name], longest) for name, hint in schema.items()}
+        return checked_record(kind(**read))
 
     def _value(self, hint: Any, value: Json, longest: float) -> Any:
         if hint is str:
@@ -154,11 +167,11 @@ class DocumentReader:
         return [self._value(h, v, longest) for h, v in zip(hints, value, strict=True)]
 
     def is_whole(self, text: str) -> bool:
-        """Whether every take of a session that was read is there."""
+        """Return whether every take of a session that was read is there."""
         return not any(reference in text for reference in self.left_out)
 
     def _sound_take(self, reference: Json) -> Take | None:
-        """A take; None for one that cannot be read, which its session is without."""
+        """Return a take; None for one that cannot be read, which its session is without."""
         if str(reference) in self.left_out:
             return None
         try:
@@ -168,7 +181,7 @@ class DocumentReader:
             return None
 
     def take(self, reference: Json) -> Take:
-        """The take of a reference; FileError."""
+        """Return the take of a reference; FileError."""
 
         def made() -> Take:
             self.blobs.budget.spend(TAKE_BYTES)
@@ -183,7 +196,6 @@ class DocumentReader:
         return self.blobs.once("ground of", (id(made), name), lambda: Ground.of(name, made))
 
     def _terrain(self, value: Json) -> Terrain:
-        """A ground; FileError for one on which no one can stand."""
         heights = self.blobs.array(value["heights"], "<f4", (None, None))
         cell, path = read_number(value["cell_m"], 1000.0), self.blobs.path
         fits = min(heights.shape) >= 2 and max(heights.shape) <= MAX_SIDE and cell >= 1e-4
@@ -253,7 +265,7 @@ def _parts(hint: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def read_view(text: str) -> dict[str, Any]:
-    """How a session was looked at: entries that are texts, numbers or truth values; none for what is no view."""
+    """Return how a session was looked at: entries that are texts, numbers or truth values; none for what is no view."""
     try:
         value = parse_json(text) if text else {}
     except ValueError:
@@ -265,3 +277,70 @@ def read_view(text: str) -> dict[str, Any]:
         if (is_text(entry) and len(entry) <= MAX_TEXT_CHARACTERS)
         or (isinstance(entry, bool | int | float) and math.isfinite(entry))
     }
+
+
+def checked_record(record: Any) -> Any:
+    """Return a record that was read, with what may be mended mended; ValueError, UsageError for what no session holds."""
+    for what, holds in _RULES.get(type(record), ()):
+        if not holds(record):
+            raise ValueError(what)
+    return _MENDED.get(type(record), lambda same: same)(record)
+
+
+def _numbers(session: Session) -> list[int]:
+    return [take.number for take in session.takes]
+
+
+def _few_edits(take: Take) -> bool:
+    edits = take.poses.pins, take.poses.footplants, take.poses.layer.keys
+    return len(take.cameras) <= MAX_KEYS and len(take.path) <= MAX_POINTS and max(map(len, edits)) <= MAX_PINS
+
+
+def _on_a_foot(edit: FootplantEdit) -> bool:
+    spans = [span for span in (edit.old, edit.new) if span is not None]
+    return edit.foot in (0, 1) and all(first < end < MAX_FRAME for first, end in spans)
+
+
+def _mended_session(session: Session) -> Session:
+    """Return the session with a counter of its last take at least, and a selection that is there."""
+    numbers = _numbers(session)
+    selected = session.selected if session.selected in numbers else LIVE
+    return replace(session, counter=max(session.counter, *numbers, 0), selected=selected)
+
+
+_RULES: dict[Any, tuple[tuple[str, Callable[[Any], bool]], ...]] = {  # what is wrong where it does not hold
+    Session: (
+        ("takes without numbers of their own", lambda s: len({LIVE, *_numbers(s)}) == len(s.takes) + 1),
+        ("variants without end", lambda s: len(s.variants) <= MAX_VARIANTS),
+    ),
+    Take: (
+        ("a take without a motion", lambda t: t.number == LIVE or t.motion is not None),
+        ("edits without end", _few_edits),
+        ("a rating", lambda t: 0 <= t.rating <= MAX_RATING),
+        ("a frame number", lambda t: 0 <= t.numbered_from <= MAX_FRAMES),
+        ("a trim that keeps nothing", lambda t: t.trim is None or t.trim[0] < t.trim[1]),
+    ),
+    FootplantEdit: (("a footplant of no foot or frames", _on_a_foot),),
+    PromptBlend: (
+        ("weights of a blend that are none", lambda b: len(b.weights) == len(PART_NAMES) and all(0.0 <= w <= 1.0 for w in b.weights)),
+    ),
+    Answer: (("an answer of no known source", lambda a: a.source in SOURCES),),
+    PromptEvent: (
+        ("words that are none", lambda e: not e.words or isinstance(parse_json(e.words), dict)),
+        ("a transition that ends before it begins", lambda e: e.transition_seconds >= 0.0),
+    ),
+    MotionHeader: (
+        ("a motion that no clip is", lambda h: 0.0 < h.fps <= MAX_FPS and h.frames <= MAX_FRAMES and MIN_SIZE <= h.size <= MAX_SIZE),
+        ("a place of other numbers", lambda h: h.placed is None or len(h.placed) == 4),
+    ),
+    CharacterChoice: (
+        ("a shape of no body", lambda c: c.shape.check() is None),
+        ("files of a character outside their folder", lambda c: not c.key or safe_name(c.key)),
+        ("a character of an unknown unit", lambda c: c.unit in ("", *NAMED_UNITS)),
+    ),
+}  # fmt: skip
+_MENDED: dict[Any, Callable[[Any], Any]] = {
+    Session: _mended_session,
+    PromptBlend: lambda blend: replace(blend, locked=blend.locked & set(PART_NAMES)),
+    Answer: lambda answer: replace(answer, nearest=answer.nearest[:MAX_NEAREST]),
+}

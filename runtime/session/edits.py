@@ -11,19 +11,19 @@ MAX_NAME_CHARACTERS = 60
 
 
 def with_number(session: Session) -> Session:
-    """The session with the number of its next take given to one that is still being made."""
+    """Return the session with the number of its next take given to one that is still being made."""
     return replace(session, counter=session.counter + 1)
 
 
 def with_new_take(session: Session, take: Take, number: int = LIVE) -> Session:
-    """The session with one take more at the end, selected; `number` where it was given one already."""
+    """Return the session with one take more at the end, selected; `number` where it was given one already."""
     number = number or session.counter + 1
     takes = (*session.takes, replace(take, number=number))
     return replace(session, takes=takes, counter=max(number, session.counter), selected=number)
 
 
 def without_take(session: Session, number: int) -> Session:
-    """The session without a take; the next one is selected if that was, and a reference to it is gone."""
+    """Return the session without a take; the next one is selected if that was, and a reference to it is gone."""
     at = session.index(number)
     if at < 0:
         return session
@@ -37,7 +37,7 @@ def without_take(session: Session, number: int) -> Session:
 
 
 def renamed(session: Session, number: int, name: str) -> Session:
-    """Another name for a take; an empty one brings the motion's back."""
+    """Return the session with another name for a take; an empty one brings the motion's back."""
     take = session.take(number)
     name = " ".join(name.split())[:MAX_NAME_CHARACTERS]
     if take is None or name == take.title:
@@ -46,12 +46,12 @@ def renamed(session: Session, number: int, name: str) -> Session:
 
 
 def copied(take: Take) -> Take:
-    """A take as it is, for a second place in the list."""
+    """Return a take as it is, for a second place in the list."""
     return replace(take, name=f"{take.title}, copy"[:MAX_NAME_CHARACTERS])
 
 
 def mirrored_copy(session: Session, number: int) -> Session:
-    """A second take with left and right exchanged, at the end; edits of its poses do not come along."""
+    """Return the session with the mirror image of a take at the end; edits of its poses do not come along."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session
@@ -72,7 +72,7 @@ def trimmed(session: Session, number: int, first: int, last: int) -> Session:
 
 
 def split(session: Session, number: int, frame: int) -> Session:
-    """Two takes of one that share its frames: a trim ends the first at `frame`, where that of the second begins."""
+    """Return the session with a take split in two that share its frames: one trim ends at `frame`, the other begins there."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session
@@ -87,7 +87,7 @@ def split(session: Session, number: int, frame: int) -> Session:
 
 
 def resimulated(session: Session, number: int, motion: Motion) -> Session:
-    """Another motion for a take; of another length, a trim that kept its end keeps the new one."""
+    """Return the session with another motion for a take; a trim that kept its end keeps the end of the new one."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session

@@ -31,7 +31,7 @@ def pieces(count: int) -> Iterator[slice]:
 
 
 def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits: AnyArray | None) -> bytes:
-    """The bytes of T frames; hips `(T, 3)`, rotations `(T, 31, 4)`, contacts `(T, 4)`, gaits `(T,)`."""
+    """Return the bytes of T frames; hips `(T, 3)`, rotations `(T, 31, 4)`, contacts `(T, 4)`, gaits `(T,)`."""
     places = np.round(np.asarray(hips, np.float64) / HIPS_STEP_M).astype(np.int32)
     largest = np.abs(rotations).argmax(axis=-1)
     ordered = np.take_along_axis(rotations, (largest[..., None] + np.arange(4)) % 4, axis=-1)
@@ -52,7 +52,7 @@ def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits
 
 
 def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
-    """Hips, rotations, contacts and gaits of `packed_frames`; ValueError for other bytes."""
+    """Return hips, rotations, contacts and gaits of `packed_frames`; ValueError for other bytes."""
     if len(data) != PACKED_FRAME_BYTES * count:
         raise ValueError(f"{len(data)} bytes of {count} frames")
     sizes = np.cumsum([J, J * 3 * 2, 3 * 4, 4]) * count
@@ -75,19 +75,19 @@ def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArr
 
 
 def packed_gaits(data: bytes, count: int) -> AnyArray:
-    """The gaits `(T,)` of `packed_frames`, which are its last bytes."""
+    """Return the gaits `(T,)` of `packed_frames`, which are its last bytes."""
     return np.frombuffer(data, np.int8, count, (PACKED_FRAME_BYTES - 1) * count)
 
 
 def _differences(values: AnyArray) -> AnyArray:
-    """Second differences along time, small numbers of either sign first; whole numbers that overflow come back again."""
+    """Return second differences along time, small numbers of either sign first; whole numbers that overflow come back again."""
     for _ in range(2):
         values = np.diff(values, axis=0, prepend=np.zeros_like(values[:1]))
     return (values << 1) ^ (values >> (8 * values.itemsize - 1))
 
 
 def _sums(values: AnyArray) -> AnyArray:
-    """What `_differences` were made of."""
+    """Return the values that `_differences` was called with."""
     unsigned = values.view(f"u{values.itemsize}")
     values = (unsigned >> 1).view(values.dtype) ^ -(values & 1)
     for _ in range(2):
@@ -96,14 +96,14 @@ def _sums(values: AnyArray) -> AnyArray:
 
 
 def packed_table(values: AnyArray) -> bytes:
-    """Columns `(T, columns)` one after the other, and of their numbers the low bytes first: what is alike stands together."""
+    """Return the bytes of a table `(T, columns)`, column by column and low bytes first: what is alike stands together."""
     count, width = values.shape
     apart = np.ascontiguousarray(values.T).view(np.uint8).reshape(width, count, -1)
     return np.ascontiguousarray(apart.transpose(2, 0, 1)).tobytes()
 
 
 def unpacked_table(data: bytes, count: int, kind: Any) -> AnyArray:
-    """What `packed_table` were made of `(T, columns)`."""
+    """Return the table `(T, columns)` that `packed_table` packed."""
     size = np.dtype(kind).itemsize
     planes = np.frombuffer(data, np.uint8).reshape(size, -1, count)
     return np.ascontiguousarray(planes.transpose(1, 2, 0)).view(kind)[..., 0].T

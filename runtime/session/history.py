@@ -51,7 +51,7 @@ class History:
         return History(steps, sum(not step.awaited for step in self.steps[: self.at + 1]) - 1)
 
     def push(self, label: str, session: Session, awaited: bool = False) -> Step:
-        """A new step after the present one; what was undone is forgotten, and the oldest beyond `MAX_STEPS`."""
+        """Append a step after the present one and return it; what was undone is forgotten, and the oldest beyond `MAX_STEPS`."""
         del self.steps[self.at + 1 :]
         self.steps.append(Step(self.present.number + 1, label, session, awaited))
         excess = len(self.steps) - MAX_STEPS - 1
@@ -62,7 +62,7 @@ class History:
         return self.steps[-1]
 
     def land(self, number: int, change: Callable[[Session], Session]) -> None:
-        """The result of an awaited step is there: the change is made to it and to every later step."""
+        """Take the result of an awaited step: make the change to it and to every later step."""
         self.steps = [
             replace(s, session=change(s.session), awaited=s.awaited and s.number != number)
             if s.number >= number
@@ -71,7 +71,7 @@ class History:
         ]
 
     def drop(self, number: int) -> None:
-        """An awaited step has no result, and is as if it had not been begun."""
+        """Remove an awaited step that has no result, as if it had not been begun."""
         at = next((i for i, s in enumerate(self.steps) if s.number == number and s.awaited), -1)
         if at > 0:
             del self.steps[at]

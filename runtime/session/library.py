@@ -56,7 +56,7 @@ class SessionSummary:
 
 
 def new_path(folder: Path) -> Path:
-    """A free path. Names sort by the order of the sessions, also where the clock was set back between them."""
+    """Return a free path. Names sort by the order of the sessions, also where the clock was set back between them."""
     stamp, serial = time.strftime("%Y%m%d-%H%M%S"), 0
     for path in _sessions(folder):
         found = _NAME.match(path.name)
@@ -66,7 +66,7 @@ def new_path(folder: Path) -> Path:
 
 
 def find(folder: Path) -> list[SessionSummary]:
-    """Sessions that hold work and that no living process holds, newest first; empty ones are removed."""
+    """Return sessions that hold work and that no living process holds, newest first; empty ones are removed."""
     found = []
     for path in _sessions(folder):
         if not is_held(path):
@@ -80,14 +80,14 @@ def find(folder: Path) -> list[SessionSummary]:
 
 
 def look_at(path: Path) -> SessionSummary | None:
-    """What is shown of one session; None where it cannot be read, is empty, or is held by a living process."""
+    """Return what is shown of one session; None where it cannot be read, is empty, or is held by a living process."""
     with contextlib.suppress(FileError, OSError):
         return None if is_held(path) else _summary(path)
     return None
 
 
 def keep_newest(folder: Path, count: int = 10) -> list[SessionSummary]:
-    """What `find` finds. Of more than `count` those that an earlier call has found too are removed, the least first."""
+    """Return what `find` finds; of more than `count`, remove those that an earlier call has found too, the least first."""
     found = find(folder)
     known = _offered(folder)
     least_first = sorted(found[::-1], key=lambda summary: summary.has_motions)
@@ -103,7 +103,7 @@ def keep_newest(folder: Path, count: int = 10) -> list[SessionSummary]:
 
 
 def _offered(folder: Path) -> set[str]:
-    """Names of the sessions that an earlier call of `keep_newest` has found."""
+    """Return names of the sessions that an earlier call of `keep_newest` has found."""
     try:
         names = parse_json(read_bounded(folder / OFFERED, SUMMARY_BYTES))
     except (SportError, ValueError):
@@ -130,19 +130,20 @@ def _sessions(folder: Path) -> list[Path]:
 
 
 def _summary(path: Path) -> SessionSummary | None:
-    """What a session holds; None where that is nothing. FileError, OSError for what is no session or of a later program."""
+    """Return what a session holds; None where that is nothing. FileError or OSError for no session, or a later one."""
     saved_s = max(os.stat(file).st_mtime for file in (path, *side_files(path)[:1]) if file.exists())
+    damaged = SessionSummary(path, "Untitled", False, saved_s, 0, 0.0, b"", damaged=True)
     try:
         database = Database.read(path, thorough=False)
     except FileError as error:
         if not is_damage(error):
             raise
-        return SessionSummary(path, "Untitled", False, saved_s, 0, 0.0, b"", damaged=True)
+        return damaged
     database.budget = Budget(SUMMARY_BYTES, SUMMARY_BYTES)
     try:
         takes, edits = int(database.meta("takes", "0")), database.meta("edits", "1")
         recordings = len(database.frame_counts())
-        if not (takes or recordings or (edits and database.steps())):
+        if not (takes + recordings or (edits and database.steps())):
             return None
         return SessionSummary(
             path,
@@ -155,6 +156,6 @@ def _summary(path: Path) -> SessionSummary | None:
             recordings,
         )
     except (FileError, ValueError):
-        return SessionSummary(path, "Untitled", False, saved_s, 0, 0.0, b"", damaged=True)
+        return damaged
     finally:
         database.close()

@@ -10,9 +10,9 @@ from typing import Any
 
 from runtime.safe_read import parse_json
 from runtime.session.document import MAX_ITEMS
-from runtime.session.recovery import INPUT, TAIL
 from runtime.session.sqlite_file import MAX_FILE_BYTES
-from runtime.session.writer import Writer
+from runtime.session.stored_rows import Writer
+from runtime.session.tables import INPUT, TAIL
 
 LOST_DAYS = 30
 MAX_STORED_BYTES = MAX_FILE_BYTES // 2  # of a file before the oldest lost things go earlier
@@ -35,13 +35,13 @@ def settle(writer: Writer, held: Iterable[str], now_s: int) -> set[str]:
     named = _named(writer)
     used = named | _inputs(writer, set(held))
     motions, blobs = writer.kept()
-    lost = {key: since for key, since, _ in writer.lost()}
-    unnamed = [key for key in (*motions, *blobs) if key not in used]
-    writer.find(named & lost.keys())
-    writer.lose([key for key in unnamed if key not in lost], now_s)
-    due = [key for key, since in lost.items() if key not in used and since < now_s - 86400 * LOST_DAYS]
+    noted = {key: since_s for key, since_s, _ in writer.lost()}
+    writer.find(named & noted.keys())
+    unused = [key for key in dict.fromkeys((*noted, *motions, *blobs)) if key not in used]
+    writer.lose(unused, now_s)  # those that are noted keep their time
+    due = [key for key in unused if noted.get(key, now_s) < now_s - 86400 * LOST_DAYS]
     _remove(writer, due)
-    rest = [key for key in (*lost, *unnamed) if key not in used and key not in due]
+    rest = [key for key in unused if key not in due]
     while rest and writer.stored_bytes() > MAX_STORED_BYTES:
         early, rest = rest[: len(rest) // 8 + 1], rest[len(rest) // 8 + 1 :]
         _remove(writer, early)
@@ -60,7 +60,7 @@ def _remove(writer: Writer, keys: list[str]) -> None:
 
 
 def _named(writer: Writer) -> set[str]:
-    """Keys of the motions and blobs that steps refer to."""
+    """Return keys of the motions and blobs that steps refer to."""
     steps, inner = _Names(), _Names()
     for document in writer.documents():
         steps.add(document)
@@ -70,7 +70,7 @@ def _named(writer: Writer) -> set[str]:
 
 
 def _inputs(writer: Writer, motions: set[str]) -> set[str]:
-    """Keys of motions with all that is kept of each, and of the blobs that their inputs refer to."""
+    """Return keys of motions with all that is kept of each, and of the blobs that their inputs refer to."""
     names = _Names()
     for key in motions:
         names.add(writer.motion(key + INPUT))

@@ -1,7 +1,7 @@
 """The frames of a take as they were recorded, resimulated or read, with the input that made them.
 
 A motion never changes. It is loaded from its session's file when it is looked at, so that a long list of takes holds
-little memory.
+little memory. Clips that stay in memory when nothing shows them are those used last.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ from __future__ import annotations
 import threading
 import uuid
 import weakref
-from dataclasses import dataclass, replace
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,9 +19,12 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.errors import FileError
+from runtime.session.frames import CLIP_FRAME_BYTES
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
 from runtime.takes.metadata import UNKNOWN, UNMOVED, LoopReport, Origin, PromptEvent, describe
+
+MAX_KEPT_FRAMES = (128 << 20) // CLIP_FRAME_BYTES  # half an hour, or one clip of any length
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class MotionHeader:
         return (self.frames - 1) / self.fps
 
     def describe(self) -> str:
-        """How it was made, in some lines for a person."""
+        """Return how it was made, in some lines for a person."""
         return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
 
     def clip(self, hips: Array, rotations: Array, contacts: Array, gaits: NDArray[np.int8]) -> Clip:
@@ -65,10 +70,10 @@ class MotionSource(Protocol):
     """Where motions are loaded from: a session's file."""
 
     def load_clip(self, key: str, header: MotionHeader) -> Clip:
-        """The frames of a motion; FileError where the file does not give them back."""
+        """Return the frames of a motion; FileError where the file does not give them back."""
 
     def load_inputs(self, key: str) -> InputRecording | None:
-        """The input of a motion."""
+        """Return the input of a motion."""
 
 
 class Motion:
@@ -128,7 +133,7 @@ class Motion:
             return known
 
     def stored(self, source: MotionSource) -> None:
-        """A file holds it: from now on it is loaded from there, and need not be in memory."""
+        """Load it from a file that holds it from now on; it need not be in memory."""
         with self._lock:
             self._source = source
             self._known_clip = self._known_clip if self._clip is None else weakref.ref(self._clip)
@@ -143,3 +148,24 @@ class Motion:
         if self._source is None:
             raise FileError(f"{self.header.name}: its frames are gone.", "Record it again.")
         return self._source
+
+
+@dataclass
+class ClipCache:
+    """Clips by what they were made of; any thread."""
+
+    _clips: OrderedDict[Hashable, Clip] = field(default_factory=OrderedDict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def get(self, key: Hashable, make: Callable[[], Clip]) -> Clip:
+        """Return the clip of a key, made where it is not kept."""
+        with self._lock:
+            if key in self._clips:
+                self._clips.move_to_end(key)
+                return self._clips[key]
+        made = make()
+        with self._lock:
+            self._clips[key] = made
+            while len(self._clips) > 1 and sum(map(len, self._clips.values())) > MAX_KEPT_FRAMES:
+                self._clips.popitem(last=False)
+        return made

@@ -41,7 +41,7 @@ class PromptBlend:
         return self.answers[Side.B]
 
     def prompt(self, side: Side) -> str:
-        """The prompt in force on a side; "" before its first answer."""
+        """Return the prompt in force on a side; "" before its first answer."""
         answer = self.answers[side]
         return "" if answer is None else answer.prompt
 
@@ -50,14 +50,14 @@ class PromptBlend:
         return dataclasses.replace(self, answers=answers, shares=LINEAR)
 
     def locking_edits(self, before: Answer | None) -> PromptBlend:
-        """Parts of prompt A whose words changed since `before`: locked where they are edited, else released."""
+        """Return the blend with the parts whose words changed since `before` locked where they are edited, else released."""
         if self.a is None or before is None:
             return self
         changed = {p for p in PART_NAMES if getattr(self.a.words, p) != getattr(before.words, p)}
         return dataclasses.replace(self, locked=self.locked - changed | changed & set(self.a.edited))
 
     def locked_on(self, side: Side) -> frozenset[str]:
-        """Parts whose words the answers on a side leave alone: of prompt B those that have some of it."""
+        """Return parts whose words the answers on a side leave alone: of prompt B those that have some of it."""
         if side is Side.A:
             return self.locked
         return frozenset(p for p, w in zip(PART_NAMES, self.weights, strict=True) if w > 0.0) & self.locked
@@ -68,7 +68,7 @@ class PromptBlend:
         return None not in self.answers and any(weight > 0.0 for weight in self.weights)
 
     def style(self, exact_legs: bool = True) -> StyleMix | None:
-        """What a character moves by; None before the first answer. `exact_legs`: edits show what the network does not."""
+        """Return what a character moves by; None before the first answer. `exact_legs`: edits show what the network does not."""
         if self.a is None:
             return None
         if self.b is None or not self.blended:
@@ -79,18 +79,18 @@ class PromptBlend:
         return dataclasses.replace(mix, edits=edits) if exact_legs else mix
 
     def replayable(self) -> Words | BlendedPrompt:
-        """What a take keeps of this style."""
+        """Return what a take keeps of this style."""
         if self.a is None or self.b is None or not self.blended:
             return "" if self.a is None else self.a.replayable
         return BlendedPrompt(self.a.replayable, self.b.replayable, self.weights)
 
     def turned_round(self) -> PromptBlend:
-        """Prompts A and B exchanged: the same style."""
+        """Return the blend with prompts A and B exchanged, which is the same style."""
         flipped, shares = tuple(1.0 - weight for weight in self.weights), turned_round(self.shares)
         return dataclasses.replace(self, answers=self.answers[::-1], weights=flipped, shares=shares)
 
     def typed(self) -> str:
-        """What was typed, where `replayable` keeps descriptions in its place; "" where it keeps the prompt itself."""
+        """Return what was typed, where `replayable` keeps descriptions in its place; "" where it keeps the prompt itself."""
         sides = [side for side in ((self.a, self.b) if self.blended else (self.a,)) if side is not None]
         if all(side.replayable == side.prompt for side in sides):
             return ""
@@ -104,7 +104,7 @@ class PromptBlend:
         return write_words(self.replayable())
 
     def spelled_out(self) -> str:
-        """The six descriptions, or a blend of two times six, as text that needs no library: what a take keeps too."""
+        """Return the six descriptions, or a blend of two times six, as text that needs no library: what a take keeps too."""
         if self.a is None or self.b is None or not self.blended:
             return "" if self.a is None else self.a.words.to_json()
         return BlendedPrompt(self.a.words, self.b.words, self.weights).to_json()
@@ -114,7 +114,7 @@ class PromptBlend:
         return dataclasses.replace(self, weights=(*self.weights[:i], weight, *self.weights[i + 1 :]))
 
     def with_all_weights(self, weight: float) -> PromptBlend:
-        """Another weight of prompt B in every part that is not locked."""
+        """Return the blend with another weight of prompt B in every part that is not locked."""
         pairs = zip(PART_NAMES, self.weights, strict=True)
         return dataclasses.replace(
             self, weights=tuple(old if part in self.locked else weight for part, old in pairs)

@@ -15,8 +15,8 @@ from runtime.session.database import Database
 from runtime.session.document import header_text, pack_sticks
 from runtime.session.frames import packed_frames
 from runtime.session.motion import Motion, MotionHeader
-from runtime.session.recovery import TAIL
-from runtime.session.writer import Writer
+from runtime.session.stored_rows import Writer
+from runtime.session.tables import TAIL
 from runtime.skeleton import J
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording

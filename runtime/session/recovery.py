@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import zlib
+from collections import Counter
 from itertools import groupby
 from operator import itemgetter
 
@@ -14,11 +15,11 @@ from runtime.safe_read import parse_json
 from runtime.session.document import header_text
 from runtime.session.frames import PACKED_FRAME_BYTES, packed_frames, unpacked_frames
 from runtime.session.motion import MotionHeader
-from runtime.session.tables import checksum, put_rows, sealed
+from runtime.session.stored_rows import Writer
+from runtime.session.tables import TAIL
 
 MAX_HELD_FRAMES = 100_000  # of a session that hold the pose before them: half an hour
 MAX_MENDED_MOTIONS = 10_000  # at one opening: as many as a list of takes may hold; the next one goes on
-INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
 UNKNOWN_NAME, UNKNOWN_FPS = "Recovered take", 60.0  # of a motion whose header is lost
 Piece = tuple[str, int, int]  # key of the motion, number of the first frame, count
 
@@ -28,10 +29,14 @@ def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
 
     Returns how many motions were changed, and how many frames hold a pose.
     """
+    writer = Writer(connection, set())
     rows = connection.execute("SELECT motion, number, count FROM frames ORDER BY motion, number").fetchall()
     pieces: dict[str, list[Piece]] = {key: list(found) for key, found in groupby(rows, itemgetter(0))}
+    there = Counter[str]()
+    for key, _, count in rows:
+        there[key.removesuffix(TAIL)] += count
     changed = held = 0
-    for key in dict.fromkeys(key.removesuffix(TAIL) for key in pieces):
+    for key in there:
         if changed == MAX_MENDED_MOTIONS:
             break
         gaps, fits = _gaps(pieces.get(key, []))
@@ -39,15 +44,14 @@ def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
             continue
         made = 0
         if held + sum(count for _, count, _ in gaps) <= MAX_HELD_FRAMES:
-            made = sum(_hold(connection, key, *gap) for gap in gaps)
+            made = sum(_hold(connection, writer, key, *gap) for gap in gaps)
         held += made
-        there = sum(count for part in (key, key + TAIL) for _, _, count in pieces.get(part, ()))
-        changed += _set_header(connection, key, there + made, bool(gaps))
+        changed += _set_header(writer, key, there[key] + made, bool(gaps))
     return changed, held
 
 
 def _gaps(pieces: list[Piece]) -> tuple[list[tuple[int, int, Piece]], bool]:
-    """First frame and count of what is missing before a piece, with the piece whose pose it holds; whether none overlap."""
+    """Return first frame, count and nearest piece of each gap between pieces, and whether no pieces overlap."""
     gaps, end, fits = [], 0, True
     for at, piece in enumerate(pieces):
         _, first, count = piece
@@ -58,7 +62,9 @@ def _gaps(pieces: list[Piece]) -> tuple[list[tuple[int, int, Piece]], bool]:
     return gaps, fits
 
 
-def _hold(connection: sqlite3.Connection, key: str, first: int, count: int, near: Piece) -> int:
+def _hold(
+    connection: sqlite3.Connection, writer: Writer, key: str, first: int, count: int, near: Piece
+) -> int:
     """Add a piece of frames that hold one pose; how many there are."""
     where = "SELECT content FROM frames WHERE motion = ? AND number = ?"
     (content,) = connection.execute(where, near[:2]).fetchone()
@@ -69,19 +75,17 @@ def _hold(connection: sqlite3.Connection, key: str, first: int, count: int, near
         return 0
     pose = -1 if near[1] < first else 0
     made = packed_frames(*(np.repeat(part[pose][None], count, axis=0) for part in parts))
-    row = sealed("frames", (key, first, count, len(made), zlib.compress(made, 1)))
-    put_rows(connection, "frames", [row])
+    writer.put_frames(key, first, count, made)
     return count
 
 
-def _set_header(connection: sqlite3.Connection, key: str, frames: int, gaps: bool) -> bool:
+def _set_header(writer: Writer, key: str, frames: int, gaps: bool) -> bool:
     """Have the header of a motion say how many frames it has, and that it cannot be resimulated where some are missing.
 
     Returns whether it said something else.
     """
-    found = connection.execute("SELECT header FROM motions WHERE key = ?", (key,)).fetchone()
     try:
-        value = parse_json(found[0]) if found else None
+        value = parse_json(writer.motion(key))
     except ValueError:
         value = None
     if not isinstance(value, dict):
@@ -90,9 +94,5 @@ def _set_header(connection: sqlite3.Connection, key: str, frames: int, gaps: boo
         text = json.dumps(value | {"frames": frames, "resimulable": False}, ensure_ascii=True)
     else:
         return False
-    connection.execute(
-        "INSERT OR REPLACE INTO motions (number, key, header, checksum)"
-        " VALUES ((SELECT number FROM motions WHERE key = ?), ?, ?, ?)",
-        (key, key, text, checksum("motions", (0, key, text))),
-    )
+    writer.put_motion(key, text)
     return True

@@ -88,7 +88,7 @@ class Renewal:
 
 
 def is_damage(error: FileError) -> bool:
-    """Whether the content of a file is at fault, and it may be one of a session."""
+    """Return whether the content of a file is at fault, and it may be one of a session."""
     cause = error.__cause__
     wrong = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_ERROR)
     plain = sqlite3.SQLITE_ERROR if isinstance(cause, sqlite3.Error) else -1  # text that is none
@@ -97,13 +97,13 @@ def is_damage(error: FileError) -> bool:
 
 
 def is_of_the_disk(error: BaseException | None) -> bool:
-    """Whether another try may succeed."""
+    """Return whether another try may succeed."""
     kinds = (OSError, FileError, sqlite3.OperationalError)
     return isinstance(error, kinds) or type(error) is sqlite3.DatabaseError
 
 
 def checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Connection:
-    """A connection to a file that is what it must be; else it is closed, ValueError or sqlite3.Error."""
+    """Return a connection to a file that is what it must be; else it is closed, ValueError or sqlite3.Error."""
     try:
         version_of(connection)
         if thorough:
@@ -115,7 +115,7 @@ def checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Co
 
 
 def memory_of(connection: sqlite3.Connection, changes: Sequence[unwritten.Change]) -> sqlite3.Connection:
-    """The rows of a file with changes that it has not taken."""
+    """Return the rows of a file with changes that it has not taken."""
     memory = in_memory()
     copy_rows(connection, memory)
     unwritten.make(changes, memory)

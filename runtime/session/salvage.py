@@ -6,13 +6,12 @@ A row with one wrong bit is repaired: the checksum tells which one it is.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from runtime.session.sqlite_file import side_files
-from runtime.session.tables import PAGE_BYTES, TABLES, Row, Value, packed_row, sealed
+from runtime.session.tables import PAGE_BYTES, TABLES, Row, Value, checksum, sealed
 
 LEAF, INDICES = 13, (2, 10)  # kinds of pages: one with rows of a table, and those of an index
 # pages that are searched byte by byte, for rows whose page no longer says where they begin
@@ -24,17 +23,18 @@ _SIZES = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0)  # bytes of a value by its kind
 _COLUMNS = {table: columns.count(",") + 2 for table, columns in TABLES.items()}
 _NUMBERED = ("steps", "motions")  # whose first column is the number of the row, which is stored apart
 _POLYNOMIAL = 0xEDB88320  # of CRC-32
-Cell = tuple[int, list[Value | None]]  # number of a row and its values; texts as bytes
+# whether the number of a row is stored apart, the row's values, texts as bytes, and its checksum
+Cell = tuple[bool, list[Value], Value | None]
 
 
 def salvaged(path: Path) -> Iterator[tuple[str, Row]]:
-    """Every row of a file and its log whose checksum fits, with its table; OSError where it cannot be read."""
+    """Yield every row of a file and its log whose checksum fits, with its table; OSError where it cannot be read."""
     with path.open("rb") as file:
         yield from _Pages(file, path.stat().st_size, _logged(path)).rows()
 
 
 def _logged(path: Path) -> dict[int, bytes]:
-    """Pages that the log of a file holds in their newest form; those after its last commit are left out."""
+    """Return pages that the log of a file holds in their newest form; those after its last commit are left out."""
     log = side_files(path)[0]
     data = log.read_bytes() if log.is_file() else b""
     pages, waiting = dict[int, bytes](), dict[int, bytes]()
@@ -70,30 +70,24 @@ class _Pages:
     def rows(self) -> Iterator[tuple[str, Row]]:
         doubtful = []
         for number in range(1, self.count + 1):
-            found, whole = [], True
-            for cell in self._cells(number):
-                row = None if cell is None else self._row(cell)
-                whole = whole and row is not None
-                found += [] if row is None else [row]
+            cells = list(map(self._row, self._cells(number)))
+            found = list(filter(None, cells))
             yield from found
-            if not (found and whole):
+            if not found or len(found) < len(cells):
                 doubtful.append(number)
         searched = [number for number in doubtful if number not in self.used and self._is_unclear(number)]
         for number in searched[:MAX_SEARCHED_PAGES]:
             page = self.page(number)
-            for at in range(len(page) - 4):
-                cell = self._cell(page, at)
-                row = None if cell is None else self._row(cell, repairs=False)
-                if row is not None:
-                    yield row
+            anywhere = (self._row(self._cell(page, at), repairs=False) for at in range(len(page) - 4))
+            yield from filter(None, anywhere)
 
     def _is_unclear(self, number: int) -> bool:
-        """Whether a page may hold rows of which it says nothing: it is neither empty nor one of an index."""
+        """Return whether a page may hold rows of which it says nothing: it is neither empty nor one of an index."""
         page = self.page(number)
         return bool(page.strip(b"\0")) and page[0] not in INDICES
 
     def _cells(self, number: int) -> Iterator[Cell | None]:
-        """Where a page says that rows are; None for what is no row."""
+        """Yield the rows that a page says it has; None for what is no row."""
         page, head = self.page(number), 100 * (number == 1)
         if len(page) < head + 8 or page[head] != LEAF:
             return
@@ -103,7 +97,7 @@ class _Pages:
             yield self._cell(page, at)
 
     def _cell(self, page: bytes, at: int) -> Cell | None:
-        """The row that begins at a place of a page; None where there is none."""
+        """Return the row that begins at a place of a page; None where there is none."""
         try:
             size, at = _varint(page, at)
             number, at = _varint(page, at)
@@ -113,12 +107,14 @@ class _Pages:
             kinds = _kinds(page, at)
             if len(kinds) not in _COLUMNS.values() or head + sum(map(_size, kinds)) != size:
                 return None
-            return number - (number >> 63 << 64), _values(kinds, self._payload(page, at, size)[head:])
+            *values, known = _values(kinds, self._payload(page, at, size)[head:])
+            number -= number >> 63 << 64
+            return values[0] is None, [number if value is None else value for value in values], known
         except (IndexError, struct.error, ValueError):
             return None
 
     def _payload(self, page: bytes, at: int, size: int) -> bytes:
-        """The bytes of a row, those on further pages too; ValueError where they are not there."""
+        """Return the bytes of a row, those on further pages too; ValueError where they are not there."""
         inside, room = size, PAGE_BYTES - 4
         if size > PAGE_BYTES - 35:
             least = (PAGE_BYTES - 12) * 32 // 255 - 23
@@ -141,20 +137,19 @@ class _Pages:
         self.used.update(chain)
         return b"".join(parts)
 
-    def _row(self, cell: Cell, repairs: bool = True) -> tuple[str, Row] | None:
-        """A row of one of our tables whose checksum fits, at once or by turning one bit; None for any other."""
-        number, values = cell
-        known = values.pop()
+    def _row(self, cell: Cell | None, repairs: bool = True) -> tuple[str, Row] | None:
+        """Return a row of one of our tables whose checksum fits, at once or by turning one bit; None for any other."""
+        numbered, values, known = cell or (False, [], None)
+        if not isinstance(known, int):
+            return None
         for table, columns in _COLUMNS.items():
-            if len(values) != columns - 1 or (values[0] is None) != (table in _NUMBERED):
-                continue
-            row = [number if value is None else value for value in values]
-            crc = zlib.crc32(packed_row(table, row))
-            wrong = crc ^ known & 0xFFFFFFFF if isinstance(known, int) else -1
-            if wrong > 0 and repairs:
-                wrong = self._repair(table, row, wrong)
-            if wrong == 0 and (texts := _texts(row)) is not None:
-                return table, sealed(table, texts)
+            if len(values) == columns - 1 and numbered == (table in _NUMBERED):
+                row = list(values)
+                wrong = checksum(table, row) ^ known & 0xFFFFFFFF
+                if wrong and repairs:
+                    wrong = self._repair(table, row, wrong)
+                if not wrong and (texts := _texts(row)) is not None:
+                    return table, sealed(table, texts)
         return None
 
     def _repair(self, table: str, row: list[Value], difference: int) -> int:
@@ -165,10 +160,8 @@ class _Pages:
         if difference.bit_count() == 1:  # of the checksum itself
             return 0
         change = _POLYNOMIAL
-        for column in range(len(row) - 1, -1, -1):
+        for column in range(len(row) - 1, int(table == "motions") - 1, -1):
             content, head = _content(row[column]), b"" if isinstance(row[column], int) else bytes(8)
-            if table == "motions" and column == 0:
-                break
             for bit in range(8 * len(content)):
                 if change == difference:
                     row[column] = _turned(row[column], bit)
@@ -191,14 +184,14 @@ def _content(value: Value) -> bytes:
 
 
 def _turned(value: Value, bit: int) -> Value:
-    """A value with one bit turned, counted from the end."""
+    """Return a value with one bit turned, counted from the end."""
     data = bytearray(_content(value))
     data[len(data) - 1 - bit // 8] ^= 0x80 >> bit % 8
     return struct.unpack("<q", data)[0] if isinstance(value, int) else type(value)(data)
 
 
 def _texts(row: list[Value]) -> list[Value] | None:
-    """The values of a row with its texts decoded; None where one is no text."""
+    """Return the values of a row with its texts decoded; None where one is no text."""
     try:
         return [value.decode("utf-8") if isinstance(value, _Text) else value for value in row]
     except UnicodeDecodeError:
@@ -206,7 +199,7 @@ def _texts(row: list[Value]) -> list[Value] | None:
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """A whole number of SQLite's at a place, and the place after it."""
+    """Return a whole number of SQLite's at a place, and the place after it."""
     value = 0
     for k in range(8):
         value = value << 7 | data[at + k] & 0x7F
@@ -216,7 +209,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _kinds(page: bytes, at: int) -> list[int]:
-    """Kinds of the values of a row whose head begins at a place."""
+    """Return kinds of the values of a row whose head begins at a place."""
     size, place = _varint(page, at)
     end, kinds = at + size, []
     while place < end:
@@ -230,7 +223,6 @@ def _size(kind: int) -> int:
 
 
 def _values(kinds: list[int], data: bytes) -> list[Value | None]:
-    """Values of a row by their kinds."""
     values, at = list[Value | None](), 0
     for kind in kinds:
         part = data[at : at + _size(kind)]

@@ -13,8 +13,7 @@ from typing import Any
 from runtime.character.shape import BodyShape
 from runtime.errors import UsageError
 from runtime.motion.control_scripts import Waypoint
-from runtime.session.clip_cache import ClipCache
-from runtime.session.motion import Motion
+from runtime.session.motion import ClipCache, Motion
 from runtime.session.prompt_blend import PromptBlend
 from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
@@ -151,7 +150,7 @@ class Take:
         return _posed(self.made, self.mirrored, plants) if plants else self.base_clip
 
     def frame(self, number: int) -> Clip:
-        """One frame of `clip`, alone: what is shown of an edit before all frames are made."""
+        """Return one frame of `clip`, alone: what is shown of an edit before all frames are made."""
         return self.poses.frame(self.below_layer, number)
 
     @property
@@ -196,13 +195,13 @@ class Session:
     selected: int = LIVE
 
     def take(self, number: int) -> Take | None:
-        """A take by its number; the live character has number 0."""
+        """Return a take by its number; the live character has number 0."""
         if number == LIVE:
             return self.live
         return next((take for take in self.takes if take.number == number), None)
 
     def index(self, number: int) -> int:
-        """The place of a take in the list; -1 where it is not there."""
+        """Return the place of a take in the list; -1 where it is not there."""
         return next((i for i, take in enumerate(self.takes) if take.number == number), -1)
 
     @property
@@ -211,7 +210,7 @@ class Session:
         return None if self.selected == LIVE else self.take(self.selected)
 
     def with_take(self, number: int, **changes: Any) -> Session:
-        """Other values for fields of one take, or of the live character; the same session where there is no such take."""
+        """Return the session with other fields of one take, or of the live character; the same session without such a take."""
         if number == LIVE:
             return replace(self, live=replace(self.live, **changes))
         takes = tuple(replace(take, **changes) if take.number == number else take for take in self.takes)
@@ -219,6 +218,6 @@ class Session:
 
 
 def has_edits(session: Session) -> bool:
-    """Whether a session holds work besides takes: a path, poses and camera keys of the live character, variants."""
+    """Return whether a session holds work besides takes: a path, poses and camera keys of the live character, variants."""
     live = session.live
     return bool(live.path or live.poses or live.cameras or session.variants)

@@ -12,6 +12,7 @@ import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +29,10 @@ from runtime.session.history import MAX_STEPS, History, Step
 from runtime.session.lost import LostTake, settle
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.recording import Recording
-from runtime.session.recovery import INPUT, TAIL
 from runtime.session.session import CharacterChoice, Session, Take, has_edits
 from runtime.session.stored_motions import StoredMotions, check_motion
-from runtime.session.writer import Writer
+from runtime.session.stored_rows import Writer
+from runtime.session.tables import INPUT, TAIL
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
 
@@ -69,7 +70,7 @@ class SessionFile(StoredMotions):
 
     @staticmethod
     def open(path: Path, cache: Path) -> tuple[SessionFile, History]:
-        """An existing file and its history, as untrusted; FileError, FileInUse.
+        """Open an existing file as untrusted, and return it with its history; FileError, FileInUse.
 
         Steps and takes that are not sound are left out; a motion that none of them names is a recovered take of a last step.
         """
@@ -141,7 +142,7 @@ class SessionFile(StoredMotions):
 
     def set_meta(self, name: str, text: str) -> None:
         """Keep a text under a name."""
-        self.database.submit(lambda writer: writer.set_meta(name, text))
+        self.database.submit(methodcaller("set_meta", name, text))
 
     def _note_lost(
         self, writer: Writer, new: list[Session], dropped: list[Session], kept: Mapping[int, Session]
@@ -188,7 +189,7 @@ class SessionFile(StoredMotions):
         writer.committed.append(committed)
 
     def _is_new(self, key: str) -> bool:
-        """Whether the file lacks a blob, motion or character; from now on it has it."""
+        """Return whether the file lacks a blob, motion or character, and note that it has it from now on."""
         new = key not in self._known and key not in self._fresh
         self._fresh.add(key)
         return new
@@ -233,7 +234,7 @@ class SessionFile(StoredMotions):
         writer.put_motion(motion.key, header_text(motion.header))
 
     def _input(self, inputs: InputRecording) -> str:
-        """What drove a take, but for the sticks of its own frames."""
+        """Return what drove a take, but for the sticks of its own frames."""
         lead = inputs.frames.rows[: -inputs.start] if inputs.start else inputs.frames.rows[:0]
         sticks = self._documents.blobs.data(pack_sticks(lead))
         value = self._documents.inputs(inputs) | {"lead": sticks, "lead_frames": len(lead)}
@@ -269,7 +270,7 @@ class SessionFile(StoredMotions):
     # --- opening
 
     def _read_history(self) -> History:
-        """The history of the file, with what no step names as takes of a step of its own."""
+        """Return the history of the file, with what no step names as takes of a step of its own."""
         known: dict[str, Motion] = {}
         reader = DocumentReader(
             BlobReader(self.path, self.database.blob, self.database.budget),
@@ -288,7 +289,7 @@ class SessionFile(StoredMotions):
         return history
 
     def _read_steps(self, reader: DocumentReader) -> tuple[list[Step], dict[int, str]]:
-        """The steps that can be read, and why the others cannot, by their numbers.
+        """Return the steps that can be read, and why the others cannot, by their numbers.
 
         A step without some of its takes is none where another one has as many.
         """
@@ -325,12 +326,12 @@ class SessionFile(StoredMotions):
 
     def _recover(self, history: History, named: set[str]) -> None:
         """Take up motions with frames that no step names: recordings that were cut off, and what damaged steps named."""
-        lost = {key for key, _, _ in self.database.lost()}
+        known = named.union(key for key, _, _ in self.database.lost())
         counts = self.database.frame_counts()
-        keys = [key for key in counts if key not in named and key not in lost]
+        keys = [key for key in counts if key not in known]
         most = min(MAX_RECOVERED_TAKES, MAX_TAKES - len(history.present.session.takes))
         first = max(len(keys) - most, 0)
-        motions = [found for key in keys[first:] if (found := self._recovered(key, counts[key]))]
+        motions = list(filter(None, (self._recovered(key, counts[key]) for key in keys[first:])))
         if not motions:
             return
         takes = self._takes_of({motion.key for motion, cut_off in motions if not cut_off})
@@ -338,20 +339,14 @@ class SessionFile(StoredMotions):
         unknown = Take(ground=session.ground)
         for motion, _ in motions:
             session = with_new_take(session, replace(takes.get(motion.key, unknown), motion=motion))
+            self.database.submit(methodcaller("put_motion", motion.key, header_text(motion.header)))
         name = motions[0][0].header.name if len(motions) == 1 else f"{len(motions)} takes"
         history.push(f"recovery of {name}", session)
         self.recovered, self.unrecovered = len(motions), first
-        headers = {motion.key: header_text(motion.header) for motion, _ in motions}
-
-        def work(writer: Writer) -> None:
-            for key, text in headers.items():
-                writer.put_motion(key, text)
-
-        self.database.submit(work)
         self.write(history)
 
     def found_takes(self, lost: Sequence[LostTake]) -> list[Take]:
-        """Lost takes with their edits, to be put into the session again; FileError."""
+        """Return lost takes with their edits, to be put into the session again; FileError."""
         counts, takes = self.database.frame_counts(), self._takes_of({take.key for take in lost})
         for take in lost:
             found = self._recovered(take.key, counts[take.key])

@@ -81,7 +81,7 @@ def _code(error: Exception) -> int:
 
 
 def said(error: Exception) -> str:
-    """What went wrong with a file, in a user's words."""
+    """Return what went wrong with a file, in a user's words."""
     if isinstance(error, sqlite3.Error):
         return _SAID.get(_code(error), reason(error))
     if isinstance(error, zlib.error):
@@ -103,18 +103,18 @@ def file_errors(path: Path, remedy: str = REMEDY) -> Iterator[None]:
 
 
 def side_files(path: Path) -> tuple[Path, Path]:
-    """SQLite's log of what is not in the file yet, and the index of it."""
+    """Return SQLite's log of what is not in the file yet, and the index of it."""
     return path.with_name(f"{path.name}-wal"), path.with_name(f"{path.name}-shm")
 
 
 def unwritten_files(path: Path) -> tuple[Path, Path]:
-    """Where changes lie that a session's file had not taken, see `unwritten`: next to it, and in the user's state folder."""
+    """Return where changes lie that a session's file had not taken: next to it, and in the user's state folder."""
     key = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]
     return path.with_name(f".{path.name}.unwritten"), state_directory() / "unwritten" / f"{key}.unwritten"
 
 
 def is_own(path: Path) -> bool:
-    """Whether a file or folder is there, no link, and of this user, whom alone it lets write."""
+    """Return whether a file or folder is there, no link, and of this user, whom alone it lets write."""
     try:
         status = path.lstat()
     except OSError:
@@ -137,7 +137,7 @@ def keep_aside(path: Path) -> Path:
 
 
 def kept_aside(path: Path, days: float = 0.0) -> list[Path]:
-    """What `keep_aside` has kept of a session longer than so many days."""
+    """Return what `keep_aside` has kept of a session longer than so many days."""
     stamp = time.strftime("%Y%m%d-%H%M%S", time.localtime(time.time() - 86400.0 * days))
     begin = f"{path.name}{ASIDE}"
     with contextlib.suppress(OSError):
@@ -146,12 +146,12 @@ def kept_aside(path: Path, days: float = 0.0) -> list[Path]:
 
 
 def lock_of(path: Path) -> Path:
-    """The small file whose lock says that a process has a session open."""
+    """Return the small file whose lock says that a process has a session open."""
     return path.with_name(f".{path.name}.lock")
 
 
 def take_lock(path: Path) -> int:
-    """The descriptor of the locked lock file; FileInUse, FileError."""
+    """Return the descriptor of the locked lock file; FileInUse, FileError."""
     with file_errors(path, "Open a copy of it, or choose a folder that can be written."):
         path.parent.mkdir(parents=True, exist_ok=True)
         for _ in range(3):  # a process that only looks lets go at once
@@ -169,7 +169,7 @@ def drop_lock(handle: int, path: Path) -> None:
 
 
 def is_held(path: Path) -> bool:
-    """Whether a living process has a session open, this one included."""
+    """Return whether a living process has a session open, this one included."""
     try:
         handle = open_locked(lock_of(path))
     except OSError:
@@ -180,7 +180,7 @@ def is_held(path: Path) -> bool:
 
 
 def real_path(path: Path) -> Path:
-    """The path without links, as SQLite's other files lie next to it; FileError when it is no name of a file."""
+    """Return the path without links, as SQLite's other files lie next to it; FileError when it is no name of a file."""
     try:
         return Path(os.path.realpath(path))
     except (OSError, ValueError) as error:
@@ -188,7 +188,7 @@ def real_path(path: Path) -> Path:
 
 
 def check_files(path: Path) -> int:
-    """Bytes of the file and its log; FileError for what is missing, too large, or no regular file.
+    """Return bytes of the file and its log; FileError for what is missing, too large, or no regular file.
 
     They are not opened: to close a file that SQLite has open would take its locks away.
     """
@@ -214,7 +214,7 @@ def check_files(path: Path) -> int:
 
 
 def connect(path: Path, mode: str) -> sqlite3.Connection:
-    """A connection of which every thread may make use, one at a time; `mode` is rw, rwc, ro, immutable or memory.
+    """Return a connection of which every thread may make use, one at a time; `mode` is rw, rwc, ro, immutable or memory.
 
     sqlite3.Error where the file cannot be opened.
     """
@@ -233,7 +233,7 @@ def connect(path: Path, mode: str) -> sqlite3.Connection:
 
 
 def connect_reader(path: Path) -> sqlite3.Connection:
-    """A connection for reading only, of a file that is open elsewhere too; sqlite3.Error.
+    """Return a connection for reading only, of a file that is open elsewhere too; sqlite3.Error.
 
     Where there is no log, and nothing that writes one, no file is made for the reading: the folder may be read-only.
     """
@@ -243,7 +243,7 @@ def connect_reader(path: Path) -> sqlite3.Connection:
 
 
 def connect_writer(path: Path) -> sqlite3.Connection:
-    """A connection for writing; sqlite3.Error or FileError.
+    """Return a connection for writing; sqlite3.Error or FileError.
 
     Each commit is synced: a machine that loses power loses what was not written yet, as a process that is killed.
     """
@@ -260,7 +260,7 @@ def connect_writer(path: Path) -> sqlite3.Connection:
 
 
 def in_memory() -> sqlite3.Connection:
-    """An empty session that is no file."""
+    """Return an empty session that is no file."""
     memory = connect(Path(":memory:"), "memory")
     create(memory)
     return memory
@@ -268,7 +268,7 @@ def in_memory() -> sqlite3.Connection:
 
 @contextlib.contextmanager
 def new_file(path: Path, before: Callable[[], None] = lambda: None) -> Iterator[sqlite3.Connection]:
-    """A connection to a new file that takes the place of `path`, its log included, when the block ends; FileError.
+    """Yield a connection to a new file that takes the place of `path`, its log included, when the block ends; FileError.
 
     It has the tables, and rows that fit them. `before` is called before the file is replaced.
     """

@@ -15,16 +15,16 @@ from runtime.errors import FileError
 from runtime.safe_read import parse_json
 from runtime.session.blobs import REMEDY, BlobReader
 from runtime.session.character_files import check_character_files, write_character_files
-from runtime.session.clip_cache import ClipCache
 from runtime.session.database import Database
 from runtime.session.document import MAX_FRAMES, unpack_sticks
 from runtime.session.document_reader import DocumentReader
 from runtime.session.frames import CLIP_FRAME_BYTES, PACKED_FRAME_BYTES, packed_gaits, unpacked_frames
 from runtime.session.lost import LostTake
-from runtime.session.motion import Motion, MotionHeader
-from runtime.session.recovery import INPUT, TAIL, UNKNOWN_FPS, UNKNOWN_NAME
+from runtime.session.motion import ClipCache, Motion, MotionHeader
+from runtime.session.recovery import UNKNOWN_FPS, UNKNOWN_NAME
 from runtime.session.session import MIN_FRAMES, CharacterChoice, Take
 from runtime.session.sqlite_file import Budget, file_errors
+from runtime.session.tables import INPUT, TAIL
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording
@@ -46,7 +46,7 @@ class StoredMotions:
         return self.database.path
 
     def load_clip(self, key: str, header: MotionHeader) -> Clip:
-        """The frames of a motion; on any thread, FileError."""
+        """Return the frames of a motion; on any thread, FileError."""
         return self._clips.get(key, lambda: self._read_clip(key, header))
 
     def _read_clip(self, key: str, header: MotionHeader) -> Clip:
@@ -73,7 +73,7 @@ class StoredMotions:
         return clip
 
     def load_inputs(self, key: str) -> InputRecording | None:
-        """The input of a motion; on any thread, FileError."""
+        """Return the input of a motion; on any thread, FileError."""
         reader = self._reader()
 
         def read() -> InputRecording:
@@ -107,7 +107,7 @@ class StoredMotions:
         return known[key]
 
     def character_path(self, choice: CharacterChoice) -> Path | None:
-        """The glTF of a character, written to the cache where it is not there; None for the mannequin. FileError."""
+        """Return the glTF of a character, written to the cache where it is not there; None for the mannequin. FileError."""
         if not choice.key:
             return None
         if (self.cache / choice.key).is_file():
@@ -135,7 +135,7 @@ class StoredMotions:
         return takes
 
     def _recovered(self, key: str, frames: int) -> tuple[Motion, bool] | None:
-        """A motion of the file with the frames that are there, and whether its recording was cut off; None for too few."""
+        """Return a motion of the file with the frames that are there, and whether its recording was cut off; None for too few."""
         if not MIN_FRAMES <= frames <= MAX_FRAMES:
             return None
         cut_off = False
@@ -154,7 +154,7 @@ class StoredMotions:
         return Motion(key, header, source=self), cut_off
 
     def _takes_of(self, keys: set[str]) -> dict[str, Take]:
-        """The newest text of a take that names each of some motions, where there is one that can be read."""
+        """Return the newest text of a take that names each of some motions, where there is one that can be read."""
         found: dict[str, Take] = {}
         reader = self._reader()
         for key, size in self.database.text_blobs() if keys else ():
@@ -166,7 +166,7 @@ class StoredMotions:
 
 
 def are_gaits(gaits: AnyArray | None) -> bool:
-    """Whether numbers `(T,)` are those of gaits, or not known."""
+    """Return whether numbers `(T,)` are those of gaits, or not known."""
     return gaits is None or bool(((gaits >= -1) & (gaits < 10)).all())
 
 

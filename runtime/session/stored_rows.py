@@ -1,4 +1,4 @@
-"""Rows of a session as they are on disk, read as untrusted: every length is counted before anything of that size is made."""
+"""Rows of a session on disk: read as untrusted, every length counted before anything of that size is made, and changed."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import sqlite3
 import threading
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from runtime.errors import FileError
-from runtime.session.recovery import TAIL
 from runtime.session.sqlite_file import MAX_BUDGET_BYTES, REMEDY, Budget, file_errors
-from runtime.session.tables import MAX_TEXT_BYTES
+from runtime.session.tables import MAX_TEXT_BYTES, PAGE_BYTES, TAIL, Row, checksum, put_rows, sealed
 
 MIN_PIECE_FRAMES, MAX_SMALL_PIECES = 100, 400  # of a motion on average, and pieces of the newest frames
 MAX_TAKE_TEXT_BYTES, MAX_TAKE_TEXTS = 1 << 18, 10_000  # of one, and how many are looked through
+ZLIB_LEVEL = 1  # of zlib
 
 
 @dataclass
@@ -32,32 +32,32 @@ class StoredRows:
     _reading: threading.RLock = field(default_factory=threading.RLock)
 
     def steps(self, count: int = -1) -> list[tuple[int, str]]:
-        """Numbers and labels of the last so many steps; all for -1."""
+        """Return numbers and labels of the last so many steps; all for -1."""
         size, order = "16 + length(CAST(label AS BLOB))", f"ORDER BY number DESC LIMIT {count}"
         return self._rows("steps", "number, label", (int, str), size, order=order)[::-1]
 
     def step(self, number: int) -> str:
-        """The document of a step; FileError where there is none."""
+        """Return the document of a step; FileError where there is none."""
         size = "length(CAST(document AS BLOB))"
         rows = self._rows("steps", "document", (str,), size, "number = ?", number)
         return self._one(rows, f"step {number}")[0]
 
     def blob(self, key: str) -> bytes:
-        """Bytes by their key; FileError where there are none."""
+        """Return bytes by their key; FileError where there are none."""
         return self._content("blobs", "key = ?", key)
 
     def motion(self, key: str) -> str:
-        """The header of a motion; FileError where there is none."""
+        """Return the header of a motion; FileError where there is none."""
         size = "length(CAST(header AS BLOB))"
         return self._one(self._rows("motions", "header", (str,), size, "key = ?", key), f"motion {key}")[0]
 
     def motions(self) -> list[str]:
-        """Keys of the motions, in the order in which they were made."""
+        """Return keys of the motions, in the order in which they were made."""
         rows = self._rows("motions", "key", (str,), "length(CAST(key AS BLOB))", order="ORDER BY number")
         return [key for (key,) in rows]
 
     def frame_counts(self) -> Counter[str]:
-        """How many frames the pieces of each motion say they have, in the order in which the motions were made."""
+        """Return how many frames the pieces of each motion say they have, in the order in which the motions were made."""
         size, order = "length(CAST(motion AS BLOB))", "GROUP BY motion ORDER BY min(rowid)"
         counts = Counter[str]()
         for key, count in self._rows("frames", "motion, sum(count)", (str, int), size, order=order):
@@ -65,18 +65,18 @@ class StoredRows:
         return counts
 
     def text_blobs(self) -> list[tuple[str, int]]:
-        """Keys and lengths of blobs that may be texts of takes, the newest first."""
+        """Return keys and lengths of blobs that may be texts of takes, the newest first."""
         size, where = "length(CAST(key AS BLOB))", f"size BETWEEN 2 AND {MAX_TAKE_TEXT_BYTES}"
         order = f"ORDER BY rowid DESC LIMIT {MAX_TAKE_TEXTS}"
         return self._rows("blobs", "key, size", (str, int), size, where, order=order)
 
     def lost(self) -> list[tuple[str, int, str]]:
-        """Keys, times in seconds since 1970 and texts of what no step names, the oldest first."""
+        """Return keys, times in seconds since 1970 and texts of what no step names, the oldest first."""
         size = "length(CAST(key AS BLOB)) + length(CAST(text AS BLOB))"
         return self._rows("lost", "key, since, text", (str, int, str), size, order="ORDER BY since, rowid")
 
     def frames(self, key: str) -> Iterator[tuple[int, bytes]]:
-        """The pieces of a motion in order: how many frames, and what `put_frames` got."""
+        """Yield the pieces of a motion in order: how many frames, and what `put_frames` got."""
         order = "ORDER BY number"
         rows = self._rows("frames", "number, count", (int, int), "16", "motion = ?", key, order=order)
         if len(rows) > sum(count for _, count in rows) // MIN_PIECE_FRAMES + MAX_SMALL_PIECES:
@@ -85,7 +85,7 @@ class StoredRows:
             yield count, self._content("frames", "motion = ? AND number = ?", key, number)
 
     def frame_count(self, key: str) -> int:
-        """How many frames the pieces of a motion say they have."""
+        """Return how many frames the pieces of a motion say they have."""
         return sum(count for (count,) in self._rows("frames", "count", (int,), "8", "motion = ?", key))
 
     def meta(self, name: str, default: str = "") -> str:
@@ -93,7 +93,7 @@ class StoredRows:
         return rows[0][0] if rows else default
 
     def meta_bytes(self, name: str) -> bytes:
-        """The bytes under a name; b"" for none."""
+        """Return the bytes under a name; b"" for none."""
         rows = self._rows("meta", "value", (bytes,), "length(value)", "name = ?", name)
         return rows[0][0] if rows else b""
 
@@ -126,7 +126,7 @@ class StoredRows:
         *values: Any,
         order: str = "",
     ) -> Any:
-        """Rows of values of these kinds; what they come to is counted before they are made, once for each question."""
+        """Return rows of values of these kinds; what they come to is counted before they are made, once for each question."""
         question = (table, *values)
         with self._reading, file_errors(self.path):
             if self._reader is None:
@@ -145,3 +145,100 @@ class StoredRows:
             if any(type(value) is not kind for row in rows for value, kind in zip(row, kinds, strict=True)):
                 raise ValueError("a value is of another type")
         return rows
+
+
+class Writer:
+    """What a work may change, one for each transaction. Only within `Database.submit`; nothing of it lasts unless all does."""
+
+    def __init__(self, connection: sqlite3.Connection, counted: set[tuple[Any, ...]]) -> None:
+        self._connection, self._run = connection, connection.execute
+        self._many = connection.executemany
+        self._counted = counted
+        # called once all of it lasts; not where it is rolled back
+        self.committed: list[Callable[[], None]] = []
+
+    def put_blob(self, key: str, content: bytes) -> None:
+        """Keep bytes under the hash of their content; once is enough."""
+        self._counted.add(("blobs", key))
+        if self._run("SELECT 1 FROM blobs WHERE key = ?", (key,)).fetchone() is None:
+            self._put("blobs", (key, len(content), zlib.compress(content, ZLIB_LEVEL)))
+
+    def put_motion(self, key: str, header: str) -> None:
+        """Keep the header of a motion, or replace it; its place in the order stays."""
+        self._counted.add(("motions", key))
+        self._run(
+            "INSERT INTO motions (key, header, checksum) VALUES (?, ?, ?)"
+            " ON CONFLICT (key) DO UPDATE SET header = excluded.header, checksum = excluded.checksum",
+            (key, header, checksum("motions", (0, key, header))),
+        )
+
+    def put_frames(self, key: str, number: int, count: int, content: bytes) -> None:
+        """Keep piece `number` of a motion, of `count` frames, or replace it."""
+        self._counted.add(("frames", key, number))
+        self._put("frames", (key, number, count, len(content), zlib.compress(content, ZLIB_LEVEL)))
+
+    def drop_frames(self, key: str) -> None:
+        self._run("DELETE FROM frames WHERE motion = ?", (key,))
+
+    def put_step(self, number: int, label: str, document: str) -> None:
+        """Keep a step of the session's history, or replace it."""
+        self._counted.add(("steps", number))
+        self._put("steps", (number, label, document))
+
+    def drop_step(self, number: int) -> None:
+        self._run("DELETE FROM steps WHERE number = ?", (number,))
+
+    def drop_steps(self, first: int | None = None, before: int | None = None) -> None:
+        """Remove the steps from `first` on, and those before `before`."""
+        self._run("DELETE FROM steps WHERE number >= ? OR number < ?", (first, before))
+
+    def set_meta(self, name: str, value: str | bytes) -> None:
+        self._counted.add(("meta", name))
+        self._put("meta", (name, value))
+
+    def documents(self) -> Iterator[str]:
+        """Yield the texts of all steps as this transaction has them, one after the other."""
+        for (number,) in self._run("SELECT number FROM steps").fetchall():
+            yield self._run("SELECT document FROM steps WHERE number = ?", (number,)).fetchone()[0]
+
+    def motion(self, key: str) -> str:
+        """Return the header of a motion as this transaction has it; "" where there is none."""
+        found = self._run("SELECT header FROM motions WHERE key = ?", (key,)).fetchone()
+        return "" if found is None else found[0]
+
+    def blob(self, key: str) -> bytes:
+        """Return bytes by their key as this transaction has them, as many as a text may have; b"" where there are none."""
+        found = self._run("SELECT content FROM blobs WHERE key = ?", (key,)).fetchone()
+        return b"" if found is None else zlib.decompressobj().decompress(found[0], MAX_TEXT_BYTES)
+
+    # --- what no step names
+
+    def lose(self, keys: Iterable[str], since_s: int, text: str = "") -> None:
+        """Note that no step names motions or blobs any more since a time; one that is noted already keeps its own."""
+        put_rows(self._connection, "lost", (sealed("lost", (key, since_s, text)) for key in keys), "IGNORE")
+
+    def find(self, keys: Iterable[str]) -> None:
+        """Note that a step names motions or blobs again."""
+        self._many("DELETE FROM lost WHERE key = ?", ((key,) for key in keys))
+
+    def lost(self) -> list[tuple[str, int, str]]:
+        """Return key, time in seconds since 1970 and text of what is lost, the oldest first."""
+        return self._run("SELECT key, since, text FROM lost ORDER BY since, rowid").fetchall()
+
+    def kept(self) -> tuple[list[str], list[str]]:
+        """Return keys of all motions, those that have frames only too, and of all blobs."""
+        motions = self._run("SELECT key FROM motions UNION SELECT motion FROM frames").fetchall()
+        return [key for (key,) in motions], [key for (key,) in self._run("SELECT key FROM blobs")]
+
+    def remove(self, keys: Collection[str]) -> None:
+        """Remove motions with their frames, blobs, and what is noted of them as lost."""
+        for table, column in (("motions", "key"), ("frames", "motion"), ("blobs", "key"), ("lost", "key")):
+            self._many(f"DELETE FROM {table} WHERE {column} = ?", ((key,) for key in keys))
+
+    def stored_bytes(self) -> int:
+        """Return bytes of the file that hold something."""
+        pages, free = (self._run(f"PRAGMA {name}").fetchone()[0] for name in ("page_count", "freelist_count"))
+        return int(PAGE_BYTES * (pages - free))
+
+    def _put(self, table: str, row: Row) -> None:
+        put_rows(self._connection, table, [sealed(table, row)], "REPLACE")

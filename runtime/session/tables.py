@@ -13,6 +13,7 @@ APPLICATION_ID = 0x53504F52  # "SPOR"
 SCHEMA_VERSION = 2
 PLAIN_VERSION = 1  # without checksums and without lost things
 PAGE_BYTES = 4096
+INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
 MAX_TEXT_BYTES = 16 << 20  # of one text
 MAX_CONTENT_BYTES = 3 << 29  # that one content unfolds to
 MAX_ROWS = 100_000  # of one table: of a full file, 28 hours, half
@@ -52,12 +53,12 @@ class VersionError(ValueError):
 
 
 def checksum(table: str, row: Row) -> int:
-    """CRC-32 of the values of a row without its checksum, and without the number of a motion, which is its place only."""
+    """Return CRC-32 of the values of a row without its checksum, and without the number of a motion, which is its place only."""
     return zlib.crc32(packed_row(table, row))
 
 
 def packed_row(table: str, row: Row) -> bytes:
-    """The bytes that a checksum is of: the table, then kind, length and content of each value."""
+    """Return the bytes that a checksum is of: the table, then kind, length and content of each value."""
     parts = [f"{SCHEMA_VERSION} {table}".encode()]
     for value in row[1:] if table == "motions" else row:
         if isinstance(value, int):
@@ -69,7 +70,7 @@ def packed_row(table: str, row: Row) -> bytes:
 
 
 def sealed(table: str, row: Row) -> tuple[Value, ...]:
-    """A row as it is stored, with its checksum."""
+    """Return a row as it is stored, with its checksum."""
     return (*row, checksum(table, row))
 
 
@@ -96,7 +97,7 @@ def _schema(version: int) -> list[tuple[str | None, ...]]:
 
 
 def version_of(connection: sqlite3.Connection) -> int:
-    """The version of a file's tables; ValueError or sqlite3.Error unless it has them and nothing else."""
+    """Return the version of a file's tables; ValueError or sqlite3.Error unless it has them and nothing else."""
     calls = iter(range(MAX_OPERATIONS // 100_000))
     connection.set_progress_handler(lambda: next(calls, None) is None, 100_000)
     program, version = (
@@ -115,25 +116,20 @@ def version_of(connection: sqlite3.Connection) -> int:
 
 
 def check_content(connection: sqlite3.Connection) -> None:
-    """ValueError or sqlite3.Error unless the pages are sound, the values of their types, and the rows not too many.
+    """ValueError or sqlite3.Error unless the rows are not too many, the pages sound, and the values of their types.
 
-    The check of the pages comes first: none is part of two things then, and what follows ends.
+    The check of the pages comes before that of the values: none is part of two things then, and what follows ends.
     """
-    check_row_counts(connection)
+    for table in _tables(connection):
+        query = f"SELECT count(*) FROM (SELECT 1 FROM {table} LIMIT {MAX_ROWS + 1})"
+        if connection.execute(query).fetchone()[0] > MAX_ROWS:
+            raise ValueError(f"more than {MAX_ROWS} rows")
     for (problem,) in connection.execute("PRAGMA quick_check(1)"):
         if problem != "ok":
             raise DamageError("it is damaged")
     for table in _tables(connection):  # SQLite ignores a CHECK where it only reads
         if connection.execute(f"SELECT 1 FROM {table} WHERE NOT ({_SOUND[table]}) LIMIT 1").fetchone():
             raise DamageError("a value is of another type or too large")
-
-
-def check_row_counts(connection: sqlite3.Connection) -> None:
-    """ValueError where a table has more than `MAX_ROWS`."""
-    for table in _tables(connection):
-        query = f"SELECT count(*) FROM (SELECT 1 FROM {table} LIMIT {MAX_ROWS + 1})"
-        if connection.execute(query).fetchone()[0] > MAX_ROWS:
-            raise ValueError(f"more than {MAX_ROWS} rows")
 
 
 def _tables(connection: sqlite3.Connection) -> list[str]:

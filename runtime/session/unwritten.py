@@ -22,7 +22,7 @@ from typing import Any
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded
 from runtime.session.sqlite_file import BUDGET_PER_FILE_BYTE, MAX_FILE_BYTES, is_own, unwritten_files
-from runtime.session.writer import Writer
+from runtime.session.stored_rows import Writer
 
 Change = tuple[str, list[Any], dict[str, Any]]  # a method of `Writer` and what it gets
 CHANGES = (
@@ -73,7 +73,6 @@ def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
 
 
 def _as_json(value: bytes | Iterable[str]) -> dict[str, str] | list[str]:
-    """Bytes in base 64, keys in any collection as a list."""
     if isinstance(value, bytes):
         return {"bytes": base64.b64encode(value).decode("ascii")}
     return sorted(value)
@@ -95,7 +94,7 @@ def _write(file: Path, content: bytes, done: threading.Event) -> None:
 
 
 def read(path: Path) -> list[Change]:
-    """All that a session's file has not taken; FileError where that is damaged. What another user has put there is left alone."""
+    """Return the changes that a session's file has not taken; FileError where they are damaged. Those of other users are left alone."""
     files = [file for file in unwritten_files(path) if is_own(file)]
     changes: list[Change] = []
     for file in sorted(files, key=lambda file: file.stat().st_mtime):

@@ -139,7 +139,6 @@ def plan(
 def _options(
     row: BatchRow, parser: RowParser, known: dict[str, argparse.Action], base: argparse.Namespace
 ) -> argparse.Namespace:
-    """Return the arguments of a row over those of the command."""
     if row.error:
         raise UsageError(row.error)
     kept = {name: value for name, value in vars(base).items() if name not in (*NOT_COLUMNS, "command")}

@@ -41,11 +41,9 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
         progress = BatchProgress(len(rows), len(tasks) - len(missing))
         if progress.kept:
             print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
-        _make(
-            itertools.chain((entry(row, row.error) for row in refused), _lines(missing, options, scratch)),
-            manifest,
-            progress,
-        )
+        workers = min(options.workers or cores(), max(len(missing), 1))
+        made = make_rows(missing, options.out, lambda: processes(workers, scratch), workers)
+        _make(itertools.chain((entry(row, row.error) for row in refused), made), manifest, progress)
         manifest.finish(row.number for row in rows)
         _report(manifest, [row.number for row in rows], progress)
     return int(progress.failed > 0)
@@ -59,14 +57,6 @@ def _make(lines: Iterator[Line], manifest: Manifest, progress: BatchProgress) ->
             progress.add(failed=bool(line["error"]))
     finally:
         manifest.close()
-
-
-def _lines(tasks: list[Task], options: argparse.Namespace, scratch: Path) -> Iterator[Line]:
-    """Yield the lines of tasks as they are made."""
-    workers = options.workers or cores()
-    if not tasks:
-        return iter(())
-    return make_rows(tasks, options.out, lambda: processes(min(workers, len(tasks)), scratch), workers)
 
 
 def _report(manifest: Manifest, numbers: list[int], progress: BatchProgress) -> None:

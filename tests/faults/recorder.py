@@ -89,7 +89,7 @@ def _keep_pace(app: Any) -> None:
 
 def _spoil_writing(options: argparse.Namespace) -> None:
     from runtime.session.database import Database
-    from runtime.session.writer import Writer
+    from runtime.session.stored_rows import Writer
 
     keep, put = Database._keep_there, Writer.put_frames
 

@@ -140,7 +140,7 @@ class CompareView:
         return 1 + max((v.number for step in steps for v in step.session.variants), default=0)
 
     def _compare(self, label: str, moves: Sequence[tuple[PromptBlend, int]]) -> bool:
-        """New variants by prompt and seed, as a step; whether there is a model to move them, and enough to compare."""
+        """Make variants by prompt and seed, as a step; return whether there is a model to move them, and enough to compare."""
         if not self._ready:
             return False
         if len(moves) < FEWEST:
@@ -231,13 +231,11 @@ class CompareView:
                     self._restart(i, new.seed)
 
     def _set_style(self, index: int, seconds: float) -> None:
-        """Let one of them change to its prompt within so many seconds."""
         style = self._standing[index].prompt.style(self.settings.exact_legs)
         if style is not None:
             self.members[index].set_style(style, seconds)
 
     def _restart(self, index: int, seed: int) -> None:
-        """Restart a character with another seed where it stands."""
         member, pose = self.members[index], self.poses[index]
         member.seed = seed
         member.reset(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
@@ -280,17 +278,16 @@ class CompareView:
         """Give the keyboard to the field of the first variant."""
         self.focus_requested = True
 
-    def close(self, note: str = "") -> bool:
-        """Back to the live character, where it was; the session keeps the variants. Whether it was open."""
+    def close(self, note: str = "") -> None:
+        """Look at the live character again, where it was; the session keeps the variants."""
         if not self.open:
-            return False
+            return
         self._end_crowd()
         self._standing, self._live = (), None
         self.members, self.poses, self._before = [], [], []
         self._look_at_live()
         if note:
             self.messages.note(note)
-        return True
 
     def _look_at_live(self) -> None:
         self.scene.camera.come_back(*self._camera, self.scene.simulation.current)

@@ -63,7 +63,7 @@ def _lineups(compare: CompareView) -> None:
 
 
 def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool]:
-    """One character; whether it is to be kept, and to be removed."""
+    """Draw one character; return whether it is to be kept, and to be removed."""
     lit = index == compare.hovered
     imgui.align_text_to_frame_padding()
     widgets.label(f"{index + 1}", theme.ACCENT if lit else theme.MUTED)

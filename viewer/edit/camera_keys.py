@@ -113,7 +113,7 @@ class CameraKeys:
 
     @property
     def _half_height(self) -> float:
-        """Of a film, at distance 1."""
+        """Half the height of a film, at distance 1."""
         return math.tan((math.radians(self.film()[1]) or FOV_Y_RAD) / 2)
 
     def _draw(self) -> None:

@@ -123,7 +123,6 @@ class Cutting:
         self._several(others)
 
     def _several(self, others: list[Take]) -> None:
-        """Of one take several times, and of two."""
         if imgui.begin_menu("Repeat"):
             for times in TIMES:
                 if widgets.item(f"{times} times", REPEAT_HINT):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -11,9 +12,9 @@ from runtime.arrays import Array
 from runtime.errors import SportError
 from runtime.takes.key_curves import CAMERA_AXES, POSE_AXES, Channel, Curve, CurveKey, KeyedCurves, span_of
 from runtime.takes.pose_layer import MAX_EASE_S, PoseLayer, Tangent
+from viewer.edit.handles import AXES
 from viewer.edit.pins import Pins
 from viewer.edit.posing import NAMES
-from viewer.edit.rings import AXES
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui, implot
 from viewer.gui import theme, widgets
@@ -85,11 +86,9 @@ class GraphEditor:
         """Open the window, or close it."""
         self.open, self._fits = not self.open, True
 
-    def close(self) -> bool:
-        """Let the chosen keys go, then close the window; return whether anything was open."""
-        was = self.open and self.takes.playback is not None
+    def close(self) -> None:
+        """Let the chosen keys go, then close the window."""
         self.open, self.chosen, self._grab = self.open and bool(self.chosen), frozenset(), None
-        return was
 
     def panel(self) -> Panel:
         """Return the window, over the view until it is moved; Escape closes it."""
@@ -178,23 +177,22 @@ class GraphEditor:
             self.open = False
 
     def _keys(self) -> None:
-        """Keys of the keyboard while the mouse is over the window, as it is where keys are clicked."""
+        """Act on keys of the keyboard while the mouse is over the window, as it is where keys are clicked."""
         over = imgui.is_window_hovered(imgui.HoveredFlags_.root_and_child_windows)
         if not over or imgui.get_io().want_text_input:
             return
         if imgui.is_key_pressed(imgui.Key.delete, False):
             self.remove()
         if imgui.get_io().key_ctrl and imgui.is_key_pressed(imgui.Key.a, False):
-            keys = {each: self.curves.keys(each) for each in self._shown(self.curves)}
+            curves = self.curves
             self.chosen = frozenset(
-                CurveKey(each, frame) for each, frames in keys.items() for frame in frames
+                CurveKey(c, frame) for c in self._shown(curves) for frame in curves.keys(c)
             )
 
     def _shown(self, curves: KeyedCurves) -> list[Channel]:
         return [each for each in curves.channels() if (each.curve, each.joint) not in self.hidden]
 
     def _tools(self, curves: KeyedCurves) -> None:
-        """The line above the plot: the chosen key in numbers, its tangent, and the eases of the pose layer."""
         if widgets.button("Fit##curves", 0.0, f"Show every key\n{HELP}"):
             self._fits = True
         imgui.same_line()
@@ -206,7 +204,7 @@ class GraphEditor:
         self._eases(curves)
 
     def _chosen_key(self, curves: KeyedCurves) -> None:
-        """Frame and value of the key that is chosen alone."""
+        """Draw frame and value of the key that is chosen alone."""
         (first, *others) = self.chosen or (None,)
         frame = value = 0.0
         if first is not None:
@@ -222,7 +220,6 @@ class GraphEditor:
             self.chosen = frozenset({first._replace(frame=first.frame + curves.bounded(chosen, by))})
 
     def _tangents(self, curves: KeyedCurves) -> None:
-        """How the curves pass the chosen pose keys."""
         tangents = {curves.tangent(key) for key in self.chosen} - {None}
         with widgets.disabled(not tangents):
             imgui.set_next_item_width(self._field_width)
@@ -259,7 +256,6 @@ class GraphEditor:
         imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y)
 
     def _list(self, curves: KeyedCurves) -> None:
-        """The curves by joint; a click hides or shows one."""
         if imgui.begin_child("channels", imgui.ImVec2(px(LIST_WIDTH_PX), 0)):
             groups = dict.fromkeys((each.curve, each.joint) for each in curves.channels())
             for curve, joint in groups:
@@ -316,8 +312,8 @@ class GraphEditor:
         implot.plot_line(f"{channel.curve} {channel.joint} {name}", frames, values, spec)
         drawing = implot.get_plot_draw_list()
         implot.push_plot_clip_rect()
-        for frame, value in curves.keys(channel).items():
-            at, own = implot.plot_to_pixels(frame, value), CurveKey(channel, frame) in self.chosen
+        for key, at in _on_screen(curves, [channel]).items():
+            own = key in self.chosen
             color = theme.TEXT if own else _tint(channel)
             drawing.add_circle_filled(at, px(CHOSEN_KEY_PX if own else KEY_PX), widgets.packed(color))
         implot.pop_plot_clip_rect()
@@ -349,14 +345,10 @@ class GraphEditor:
                 self._let_go(self._grab, curves, channels)
 
     def _near(self, curves: KeyedCurves, channels: list[Channel]) -> CurveKey | None:
-        """The key under the mouse."""
-        mouse, found = imgui.get_mouse_pos(), []
-        for channel in channels:
-            for frame, value in curves.keys(channel).items():
-                at = implot.plot_to_pixels(frame, value)
-                found.append((float(np.hypot(at.x - mouse.x, at.y - mouse.y)), CurveKey(channel, frame)))
-        away, key = min(found, key=lambda each: each[0], default=(np.inf, None))
-        return key if away <= px(GRAB_PX) else None
+        mouse, keys = imgui.get_mouse_pos(), _on_screen(curves, channels)
+        away = {key: math.hypot(at.x - mouse.x, at.y - mouse.y) for key, at in keys.items()}
+        near = min(away, key=away.__getitem__, default=None)
+        return near if near is not None and away[near] <= px(GRAB_PX) else None
 
     def _press(
         self, curves: KeyedCurves, near: CurveKey | None, playback: Playback, mouse: implot.Point
@@ -396,13 +388,8 @@ class GraphEditor:
         corner, mouse = implot.plot_to_pixels(grab.frame, grab.value), imgui.get_mouse_pos()
         left, right = sorted((corner.x, mouse.x))
         top, bottom = sorted((corner.y, mouse.y))
-        inside = set()
-        for channel in channels:
-            for frame, value in curves.keys(channel).items():
-                at = implot.plot_to_pixels(frame, value)
-                if left <= at.x <= right and top <= at.y <= bottom:
-                    inside.add(CurveKey(channel, frame))
-        self.chosen = grab.chosen | inside
+        keys = _on_screen(curves, channels).items()
+        self.chosen = grab.chosen | {k for k, at in keys if left <= at.x <= right and top <= at.y <= bottom}
 
     def _insert_under(self, curves: KeyedCurves, channels: list[Channel], frame: float, value: float) -> None:
         """Set a key on the curve that is nearest to a point of the plot."""
@@ -411,6 +398,15 @@ class GraphEditor:
         away = [abs(float(curves.values(channel, seconds)[0]) - value) for channel in channels]
         if away:
             self.insert(channels[int(np.argmin(away))], at)
+
+
+def _on_screen(curves: KeyedCurves, channels: list[Channel]) -> dict[CurveKey, imgui.ImVec2]:
+    """Return where the keys of channels show in the plot that is drawn."""
+    return {
+        CurveKey(channel, frame): implot.plot_to_pixels(frame, value)
+        for channel in channels
+        for frame, value in curves.keys(channel).items()
+    }
 
 
 def _tint(channel: Channel) -> theme.Color:

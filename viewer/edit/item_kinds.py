@@ -11,7 +11,7 @@ from runtime.errors import UsageError
 from runtime.session import edits
 from runtime.session.session import Session, Take
 from runtime.takes.camera_keys import with_key
-from runtime.takes.footplants import FootplantEdit, Frames, fitted_footplant
+from runtime.takes.footplants import FootplantEdit, fitted_footplant
 from runtime.takes.input_edits import (
     Edit,
     GaitSpan,
@@ -24,9 +24,9 @@ from runtime.takes.input_edits import (
 )
 from runtime.takes.input_recording import InputRecording
 from runtime.takes.pins import Pin
-from viewer.edit.items import PINS, TAKES, Item, ItemKind, Items
 from viewer.edit.pins import Pins
 from viewer.edit.resimulation import Resimulation
+from viewer.edit.tracks import PINS, TAKES, Item, ItemKind, Items
 
 PROMPTS, GAITS, FOOTPLANTS = "prompts", "gaits", "footplants"
 CAMERA_KEYS, POSE_KEYS = "camera keys", "pose keys"
@@ -186,7 +186,8 @@ def _footplants(pins: Pins, take: Take, gone: Items, put: Items) -> tuple[Take, 
     for old, new in _paired(gone, put):
         foot = int(str((old or new).lane))
         before = None if old is None else (old.start, old.end)
-        after = _fitted(known[foot], take.frames, before, new)
+        frames = known[foot], take.frames, before
+        after = None if new is None else fitted_footplant(*frames, new.start, new.end)
         if before != after:
             known[foot] = sorted({*known[foot], *([after] if after else [])} - {before})
             made.append(FootplantEdit(foot, before, after))
@@ -200,11 +201,6 @@ def _paired(gone: Items, put: Items) -> list[tuple[Any, Any]]:
     """Return what goes with what comes in its place, the first ones first; the last ones where they are moved to later frames."""
     pairs = sorted(zip_longest(gone, put), key=lambda pair: (pair[0] or pair[1]).start)
     return pairs[::-1] if gone and put and put[0].start > gone[0].start else pairs
-
-
-def _fitted(known: list[Frames], frames: int, before: Frames | None, new: Item | None) -> Frames | None:
-    """Return the frames of a footplant of a take of so many; None where it is taken away."""
-    return None if new is None else fitted_footplant(known, frames, before, new.start, new.end)
 
 
 # --- the list of takes

@@ -191,6 +191,10 @@ class PathTool:
     def stop(self) -> None:
         self.walk = None
 
+    def close(self) -> None:
+        """Set no more points."""
+        self.active = False
+
     def walk_began(self) -> bool:
         begun, self._begun = self._begun, False
         return begun
@@ -238,26 +242,20 @@ class PathTool:
 
     def panel(self) -> Panel:
         """Return the card of the selected point, over the view while points are set; Escape ends that."""
-
-        def close() -> bool:
-            was, self.active = self.active, False
-            return was
-
-        return Panel("Point", PanelPlace.VIEW, self._draw_card, shown=lambda: self.active, close=close)
+        return Panel("Point", PanelPlace.VIEW, self._draw_card, shown=lambda: self.active, close=self.close)
 
     def _draw_card(self, view: Rect) -> None:
         if view.width < px(MIN_VIEW_PX):
             return
         with panels.card("Point", view, WIDTH_PX, right=True):
             if panels.card_title("Path", "path"):
-                self.active = False
+                self.close()
             if 0 <= self.selected < len(self.points):
                 self._draw_selected(self.points[self.selected])
             else:
                 widgets.muted("Click on the ground to set points.", wrap=True)
 
     def _draw_selected(self, point: Waypoint) -> None:
-        """Speed and gait of the leg that leads to the selected point."""
         gait = widgets.segmented("path gait", GAITS, point.gait)
         widgets.full_width()
         text = f"to point {self.selected + 1}: %.0f %%"

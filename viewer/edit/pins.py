@@ -166,10 +166,9 @@ class Pins:
             way = 2.0 * np.array([math.sin(begin.root_yaw), 0.0, math.cos(begin.root_yaw)])
         self.change(replace(pin, along=False, point=_triple(point), rail=_triple(point + way)))
 
-    def close(self) -> bool:
-        """Select nothing; return whether something was."""
-        was, self.selected = self.pin is not None, -1
-        return was
+    def close(self) -> None:
+        """Select nothing."""
+        self.selected = -1
 
     def _put(self, label: str, pins: tuple[Pin, ...], held: bool = False) -> None:
         take = self.take
@@ -219,7 +218,7 @@ class Pins:
         return self.scene.simulation.current if self.playback is None else self.playback.pose()
 
     def _points(self) -> list[tuple[int, str, Array]]:
-        """Of every handle the pin's place, the field it stands for, and where it is."""
+        """Return for every handle its pin's place in the list, the field it stands for, and where it is."""
         if not self.pins:
             return []
         pose = self._pose()
@@ -319,7 +318,6 @@ def _draw_card(pins: Pins, view: Rect) -> None:
 
 
 def _draw_points(pins: Pins, pin: Pin) -> None:
-    """Where it is, by numbers; the handles in the view do the same."""
     _draw_triple(pins, pin, "point")
     half = widgets.column_width(2)
     hint = "The point moves with the character"
@@ -350,7 +348,6 @@ def _draw_triple(pins: Pins, pin: Pin, name: str) -> None:
 
 
 def _draw_times(pins: Pins, pin: Pin, clip: Clip) -> None:
-    """From which frame to which, how slowly it comes and goes, and how far off it stays."""
     fps, last = clip.fps, len(clip) - 1
     zero = pins.take.numbered_from
     first, end = round(pin.start * fps) - zero, round(pin.end_in(clip.seconds) * fps) - zero

@@ -24,10 +24,9 @@ from runtime.takes.pose_layer import (
     posed_by,
     turned,
 )
-from viewer.edit.handles import Handles, on_screen
+from viewer.edit.handles import Handles, Rings, on_screen
 from viewer.edit.handles import dragged as handles_moved
 from viewer.edit.pins import MIN_VIEW_PX, SMALL_WIDTH_PX, WIDTH_PX, Pins
-from viewer.edit.rings import Rings
 from viewer.editor import Editor
 from viewer.gl_bindings import im_guizmo, imgui
 from viewer.gui import panels, theme, widgets
@@ -36,6 +35,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 from viewer.scene.camera_control import CameraControl
+from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
 _SIDES = (("Left", 0, 0), ("Right", 5, 7))  # with what its leg and its arm add to the index of a joint
@@ -76,7 +76,12 @@ class Posing:
     @property
     def shown(self) -> bool:
         """Whether a take can be posed in the view now."""
-        return self.open and self.takes.playback is not None and self.pins.pin is None and not self.pins.fixed
+        return self._posed is not None
+
+    @property
+    def _posed(self) -> Playback | None:
+        free = self.open and self.pins.pin is None and not self.pins.fixed
+        return self.takes.playback if free else None
 
     @property
     def place(self) -> Array | None:
@@ -103,11 +108,9 @@ class Posing:
             if self.takes.playback is not None:
                 self.takes.playback.seek(self.takes.playback.frame)
 
-    def close(self) -> bool:
-        """Pick no joint, then end it; return whether anything was open."""
-        was, self.open = self.shown, self.joint >= 0 and self.open
-        self.joint = -1
-        return was
+    def close(self) -> None:
+        """Pick no joint, then end it."""
+        self.open, self.joint = self.joint >= 0 and self.open, -1
 
     # --- edits
 
@@ -195,8 +198,8 @@ class Posing:
 
     def use_mouse(self, camera: Camera) -> bool:
         """Pick a joint in this frame; return whether the left button is in use here."""
-        playback = self.takes.playback
-        if not self.shown or playback is None:
+        playback = self._posed
+        if playback is None:
             return False
         pose, handles = playback.pose(), self._handles
         drawn = self.joint >= 0 and handles.held < 0  # else it says what it said last
@@ -282,7 +285,6 @@ def _moved_by(camera: Camera, place: Array, axes: Array) -> Array:
 
 
 def _matrix(values: Array) -> im_guizmo.Matrix16:
-    """Column by column, as ImGuizmo reads it."""
     return im_guizmo.Matrix16([float(value) for value in np.asarray(values).T.ravel()])
 
 
@@ -312,7 +314,6 @@ def _draw_card(posing: Posing, view: Rect) -> None:
 
 
 def _draw_layer(posing: Posing, half: float) -> None:
-    """The way to the curves, whether the layer keeps on, and the tangent of the key at the frame shown."""
     layer, key = posing.layer, posing.key
     if widgets.button("Curves##pose", half, "Curves of the keys, their tangents and eases"):
         posing.open_curves()

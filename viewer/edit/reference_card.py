@@ -42,15 +42,14 @@ class ReferenceCard:
 
     def panel(self) -> Panel:
 
-        def close() -> bool:
-            was = self.reference.shown
-            if was:
-                self.reference.close()
-            return was
-
         shown = lambda: self.reference.shown  # noqa: E731
         return Panel(
-            "Reference", PanelPlace.VIEW, self._draw, shown=shown, close=close, covers=self._film_width
+            "Reference",
+            PanelPlace.VIEW,
+            self._draw,
+            shown=shown,
+            close=self.reference.close,
+            covers=self._film_width,
         )
 
     def menu(self) -> None:
@@ -110,7 +109,7 @@ class ReferenceCard:
             self._fields(playback, wide=width >= WIDTH_PX)
 
     def _line(self, playback: Playback, view: Rect) -> None:
-        """Name, fields and the button that closes, at the top of the view next to the session bar, where no character is.
+        """Draw name, fields and the button that closes, at the top of the view next to the session bar, where no character is.
 
         Under the view where that place is taken or too narrow.
         """
@@ -143,7 +142,7 @@ class ReferenceCard:
                 reference.close()
 
     def _fields(self, playback: Playback, wide: bool, spare: float = 0.0) -> None:
-        """When and where it is, and who shows it, in one line that leaves `spare` screen units of its room."""
+        """Draw when and where it is, and who shows it, in one line that leaves `spare` screen units of its room."""
         reference = self.reference
         side, over = imgui.get_frame_height(), px(60 if wide else 44)
         others = over + px(widgets.GAP_PX) + (side + px(widgets.GAP_PX) if reference.video is None else 0.0)
@@ -184,7 +183,6 @@ class ReferenceCard:
             self.reference.set(held=True, aside_m=min(max(aside_m, limits[0]), limits[1]))
 
     def _fraction(self, name: str, wide: bool) -> None:
-        """A fraction of the film's picture, as a percentage."""
         (low, high), text = LIMITS[name], f"{name} %.0f %%" if wide else "%.0f %%"
         value = getattr(self.reference.reference, name) * 100.0
         moved, value = widgets.slider(f"##reference {name}", value, low * 100.0, high * 100.0, text)
@@ -193,7 +191,6 @@ class ReferenceCard:
         widgets.tooltip(f"The picture's {name}")
 
     def _looks(self) -> None:
-        """The button and the menu of who moves as the reference does."""
         reference, choice = self.reference, self.reference.reference.character
         hint = "Who shows it: another character, its own skeleton"
         if widgets.icon_button(ICON.more, "reference look", hint):

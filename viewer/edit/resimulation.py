@@ -1,4 +1,4 @@
-"""Edits of what drove a take: its prompts, gaits and path change, and the recorded stick resimulates it from there."""
+"""Edits of what drove a take: its prompts, gaits and path change, and the recorded stick resimulates it, or a prompt walks it again."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.prompt_blend import Answer, PromptBlend
-from runtime.session.session import LIVE, Ground, Session, Take
+from runtime.session.session import LIVE, Ground, Reference, Session, Take
 from runtime.takes import input_edits
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import unfitted
 from runtime.takes.input_edits import Edit
 from runtime.takes.input_recording import InputRecording, Steppable, StyleChange, resimulate, resimulated_take
 from runtime.takes.metadata import Origin, PromptEvent, origin_of, title
+from runtime.takes.restyle import PathError, path_error, restyled
 from viewer.edit.tracks import Tracks, mark_at, tracks_of, words_of
 from viewer.editor import Change
 from viewer.jobs import JobCancelled, Slot
@@ -209,11 +210,7 @@ class Resimulation:
             )
 
     def run(
-        self,
-        label: str,
-        work: Work,
-        path: tuple[Waypoint, ...] = (),
-        also: Change = lambda session: session,
+        self, label: str, work: Work, path: tuple[Waypoint, ...] = (), also: Change = lambda session: session
     ) -> None:
         """Resimulate the take that plays by `work`, on a worker thread; the step makes the change `also` at once."""
         take, model = self.take, self.model
@@ -324,3 +321,46 @@ def _answer_of(style: StyleChange) -> Answer | None:
 
 def _short(text: str) -> str:
     return text if len(text) <= MAX_LABEL else text[: MAX_LABEL - 1] + "…"
+
+
+LATE_S = 0.15  # by which the new take may be off the time of the clip without a word
+
+
+def restyle(editing: Resimulation, prompt: str) -> None:
+    """Walk the take that plays along its path and at its time by a prompt, on the ground in force.
+
+    What comes of it is a take like any other; the clip that led it stays beside it as its reference.
+    """
+    takes, playback = editing.takes, editing.playback
+    controller = takes.scene.simulation.controller
+    if playback is None or controller is None or editing.busy or not prompt.strip():
+        return
+    take, ground, terrain = playback.take, takes.scene.ground, takes.scene.terrain
+    clip, number = playback.clip.trim(playback.first, playback.last), takes.session.counter + 1
+
+    def work(progress: Callable[[float], None]) -> tuple[Motion, PathError]:
+        walker = controller.twin()
+        walker.set_terrain(terrain)
+        made, inputs = restyled(clip, walker, editing.style(0, prompt, None), progress)
+        made = replace(made, name=f"{take.title}, restyled", size=terrain.unit_m)
+        return Motion.of(made, inputs), path_error(made, clip)
+
+    def change(found: tuple[Motion, PathError], session: Session) -> Session:
+        led = session.take(take.number)
+        if led is None or led.motion != take.motion:
+            return session
+        made = edits.with_new_take(session, Take(motion=found[0], ground=ground), number)
+        return replace(made, reference=Reference(take=take.number))
+
+    def done(found: tuple[Motion, PathError]) -> None:
+        error = found[1]
+        takes.play(number)
+        if error.time_s > LATE_S:
+            text = f"{take.title} goes faster than these words can: the new take is {error.time_s:.1f} s off its time."
+            takes.messages.warn(text)
+        else:
+            takes.messages.note(
+                f"{take.title} restyled: {100.0 * error.path_m:.0f} cm off its path, {error.time_s:.2f} s off its time."
+            )
+
+    editing.submit(f"restyling of {take.title}", take, work, change, done, edits.with_number)

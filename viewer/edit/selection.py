@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from runtime.errors import SportError
 from runtime.session.session import LIVE, Session
 from runtime.takes.input_edits import Edit
 from runtime.takes.input_recording import InputRecording
-from viewer.edit.items import Item, ItemKind, Items, Key
 from viewer.edit.resimulation import Resimulation
+from viewer.edit.tracks import Item, ItemKind, Items, Key
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 
@@ -144,7 +144,6 @@ class Selection:
 
     @property
     def _end(self) -> int:
-        """The frames of the take whose tracks are shown."""
         return 0 if self.editing.playback is None else self.editing.playback.frames
 
     def resized(self, item: Item, by: int, start: bool) -> Item:
@@ -171,8 +170,7 @@ class Selection:
             return
         editor, messages = self.editing.takes.editor, self.editing.takes.messages
         kinds = self._kinds_of((*gone, *put))
-        driven, listed = [kind for kind in kinds if kind.edit is not None], all(kind.listed for kind in kinds)
-        refusal = self._refusal(bool(driven), listed)
+        refusal = self._refusal(kinds)
         if refusal:
             messages.warn(refusal)
             return
@@ -181,21 +179,19 @@ class Selection:
         except SportError as error:
             messages.error(error)
             return
-        self.preview = (self.number, gone, put) if driven else None
         self.keys = frozenset(item.key for item in now)
-        self._make(f"{label} of {self.named(gone or put)}", driven, listed, gone, put, after, held)
+        self._make(f"{label} of {self.named(gone or put)}", kinds, gone, put, after, held)
 
-    def _refusal(self, driven: bool, listed: bool) -> str:
-        """Return why an edit cannot be made now; "" where it can."""
-        return self.editing.fixed if driven or (self.editing.busy and not listed) else ""
+    def _refusal(self, kinds: Sequence[ItemKind]) -> str:
+        """Return why an edit of kinds cannot be made now; "" where it can."""
+        waits = self.editing.busy and not all(kind.listed for kind in kinds)
+        return self.editing.fixed if waits or any(kind.edit for kind in kinds) else ""
 
     def _kinds_of(self, items: Items) -> list[ItemKind]:
-        """Return the kinds of items, in the order of the tracks."""
         names = {item.kind for item in items}
         return [kind for name, kind in self.kinds.items() if name in names]
 
     def _own(self, kind: ItemKind, *parts: Items) -> list[list[Item]]:
-        """Return the items of one kind."""
         return [[item for item in items if self.kinds[item.kind] is kind] for items in parts]
 
     def _changed(
@@ -212,15 +208,16 @@ class Selection:
     def _make(
         self,
         what: str,
-        driven: Sequence[ItemKind],
-        listed: bool,
+        kinds: Sequence[ItemKind],
         gone: Items,
         put: Items,
         after: Session,
         held: bool,
     ) -> None:
-        """Put `after` into force: a step of undo unless the mouse holds it; what is `driven` is resimulated once."""
+        """Put `after` into force: a step of undo unless the mouse holds it; what drove the take is resimulated once."""
         editor, take = self.editing.takes.editor, self.editing.take
+        driven, listed = [kind for kind in kinds if kind.edit is not None], all(kind.listed for kind in kinds)
+        self.preview = (self.number, gone, put) if driven else None
 
         def edit(inputs: InputRecording) -> Edit:
             made = Edit(inputs, len(inputs))
@@ -249,13 +246,8 @@ class Selection:
 
     def use_keys(self) -> None:
         """Act on the keys of this frame."""
-        chords = (
-            (imgui.Key.mod_ctrl | imgui.Key.a, self.pick_all), (imgui.Key.mod_ctrl | imgui.Key.c, self.copy),
-            (imgui.Key.mod_ctrl | imgui.Key.x, self.cut), (imgui.Key.mod_ctrl | imgui.Key.v, self.paste),
-            (imgui.Key.mod_ctrl | imgui.Key.d, self.duplicate), (imgui.Key.delete, self.delete),
-        )  # fmt: skip
-        for chord, act in chords:
-            if imgui.is_key_chord_pressed(chord) and (self.keys or act in (self.pick_all, self.paste)):
+        for _, _, chord, act, enabled in self._commands:
+            if chord and enabled and imgui.is_key_chord_pressed(chord):
                 act()
         across = imgui.Key.left_arrow, imgui.Key.right_arrow
         back, on = (imgui.Key.up_arrow, imgui.Key.down_arrow) if self.listed else across
@@ -266,12 +258,22 @@ class Selection:
 
     def menu(self) -> None:
         """Draw the entries of a right click."""
-        some, ways = bool(self.keys), ("up", "down") if self.listed else ("back", "on")
-        for text, keys, act, enabled in (
-            ("Cut", "Ctrl+X", self.cut, some), ("Copy", "Ctrl+C", self.copy, some),
-            ("Paste", "Ctrl+V", self.paste, bool(self.copied)), ("Duplicate", "Ctrl+D", self.duplicate, some),
-            ("Delete", "Del", self.delete, some), (f"Move {ways[0]}", "Arrow keys", lambda: self.nudge(-1), some),
-            (f"Move {ways[1]}", "Arrow keys", lambda: self.nudge(1), some), ("Select all", "Ctrl+A", self.pick_all, True),
-        ):  # fmt: skip
+        for text, keys, _, act, enabled in self._commands:
             if widgets.item(text, keys, enabled=enabled):
                 act()
+
+    @property
+    def _commands(self) -> tuple[tuple[str, str, int, Callable[[], None], bool], ...]:
+        """Name, key in words and chord of each command, what it does, and whether it can be done now."""
+        ctrl, key, some = int(imgui.Key.mod_ctrl), imgui.Key, bool(self.keys)
+        back, on = ("up", "down") if self.listed else ("back", "on")
+        return (
+            ("Cut", "Ctrl+X", ctrl | int(key.x), self.cut, some),
+            ("Copy", "Ctrl+C", ctrl | int(key.c), self.copy, some),
+            ("Paste", "Ctrl+V", ctrl | int(key.v), self.paste, bool(self.copied)),
+            ("Duplicate", "Ctrl+D", ctrl | int(key.d), self.duplicate, some),
+            ("Delete", "Del", int(key.delete), self.delete, some),
+            (f"Move {back}", "Arrow keys", 0, lambda: self.nudge(-1), some),
+            (f"Move {on}", "Arrow keys", 0, lambda: self.nudge(1), some),
+            ("Select all", "Ctrl+A", ctrl | int(key.a), self.pick_all, True),
+        )

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from viewer.edit.items import Item, Items, Mark
 from viewer.edit.selection import Selection
 from viewer.edit.timeline_look import (
     Part,
@@ -25,6 +24,7 @@ from viewer.edit.timeline_look import (
     hit_in,
     previewed,
 )
+from viewer.edit.tracks import Item, Items, Mark
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
@@ -126,7 +126,7 @@ class Timeline:
         imgui.pop_style_var()
 
     def _rows(self, name: str, tracks: Sequence[Track], playback: Playback, tall: float, bar: float) -> None:
-        """Some tracks with the line of the frame shown across them."""
+        """Draw tracks with the line of the frame shown across them."""
         corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x - bar
         place = corner.x, corner.y, width, bar, tall, px(1.0)
         kept, chosen = (playback.first, playback.last), self.selection
@@ -233,13 +233,13 @@ class Timeline:
                 draw_mark(shapes, row, mark, tint, i == track.lit, chosen)
 
     def _moved(self, track: Track) -> Sequence[Mark]:
-        """The marks as they would lie after what is dragged or being made; of others than adjacent ones the session has that."""
+        """Return the marks, of an adjacent track as they would lie after what is dragged or being made."""
         preview = self.selection.preview
         shown = preview is not None and track.adjacent and bool(track.marks)
         return previewed(track, *preview[1:]) if preview and shown else track.marks
 
     def _ruler(self, playback: Playback) -> Track:
-        """Frame numbers, and the part that is kept with its handles, which are dragged in the lower half."""
+        """Return the track of frame numbers with the handles of the trim, which are dragged in its lower half."""
 
         def move(mark: Mark, start: int) -> None:
             self.trim(*((start, None) if mark.of == "first" else (None, start)))
@@ -254,7 +254,7 @@ class Timeline:
     # --- the mouse
 
     def _use_mouse(self, row: Row, playback: Playback) -> None:
-        """What the mouse does on a row whose item was just made. On the ruler the frame shown follows it."""
+        """Use the mouse on a row whose item was just made. On the ruler the frame shown follows it."""
         track, mouse = row.track, imgui.get_io().mouse_pos
         frame, hit = row.frame_at(mouse.x), hit_in(row, mouse)
         if imgui.is_item_activated():
@@ -309,7 +309,7 @@ class Timeline:
         self.held = replace(held, moved=True, by=by, snapped=snapped)
 
     def _snapped(self, held: Held, by: int, row: Row) -> tuple[int, int | None]:
-        """By how many frames the mouse moves, to the nearest frame to snap to where one is near; Alt snaps to none."""
+        """Return the frames to move by and what they snap to: the nearest frame to snap to where one is near; Alt snaps to none."""
         ends = {held.mark.start} if held.part is not Part.END else set[int]()
         ends |= {held.mark.end} if held.part is not Part.START else set()
         reach = px(SNAP_REACH_PX) / row.width * row.shown.frames
@@ -358,7 +358,6 @@ class Timeline:
             playback.seek(mark.start if mark.start == mark.end else frame)
 
     def _inside(self, corner: tuple[float, float], mouse: imgui.ImVec2) -> list[Item]:
-        """Return the items that a box touches."""
         (left, right), (top, bottom) = sorted((corner[0], mouse.x)), sorted((corner[1], mouse.y))
         return [
             mark.item
@@ -388,7 +387,6 @@ class Timeline:
             self._open_menu(track, None if hit is None else hit[0], frame)
 
     def _open_menu(self, track: Track, mark: Mark | None, frame: int) -> None:
-        """The menu of a right click, on what is selected or on what lies there."""
         if mark is None:
             self.selection.let_go()
         elif mark.item is not None and mark.item.key not in self.selection.keys:

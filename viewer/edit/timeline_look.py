@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 
 from runtime.takes.input_edits import laid
-from viewer.edit.items import Item, Items, Mark
+from viewer.edit.tracks import Item, Items, Mark
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import Color
@@ -51,7 +51,7 @@ class Range:
         return self.fitted(self.first + frames, self.last + frames)
 
     def zoomed(self, at: float, steps: float) -> Range:
-        """Wheel steps closer to the frame `at`, which stays where it is."""
+        """Return the range wheel steps closer to the frame `at`, which stays where it is."""
         scale = max(ZOOM_STEP_FACTOR**steps, MIN_SHOWN_FRAMES / max(self.frames, 1.0))
         return self.fitted(at - (at - self.first) * scale, at + (self.last - at) * scale)
 

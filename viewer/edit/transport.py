@@ -22,7 +22,6 @@ from viewer.edit.item_kinds import (
     pin_items,
     pose_items,
 )
-from viewer.edit.items import PINS, Item, Mark
 from viewer.edit.pins import Pins
 from viewer.edit.posing import Posing
 from viewer.edit.reference_card import ReferenceCard
@@ -30,7 +29,7 @@ from viewer.edit.resimulation import Resimulation
 from viewer.edit.selection import Selection
 from viewer.edit.timeline import Timeline
 from viewer.edit.timeline_look import Track
-from viewer.edit.tracks import Tracks, lanes, mark_at
+from viewer.edit.tracks import PINS, Item, Mark, Tracks, lanes, mark_at
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -104,7 +103,7 @@ class TakeTracks:
         ]  # fmt: skip
 
     def _of_edits(self, playback: Playback) -> list[Track]:
-        """Footplants, keys and pins. Each has its row before anything lies on it: no row moves when it does."""
+        """Return footplants, keys and pins. Each has its row before anything lies on it: no row moves when it does."""
         take, pins = playback.take, pin_items(playback.take)
         rows = [self._feet(0), self._feet(1)]
         for kind, items, name, tint, hint in (
@@ -187,7 +186,7 @@ class Tool:
 
 
 def _draw_tools(tools: Sequence[Tool], room: float) -> None:
-    """The tools in one line; those for which there is no room are in a menu at its end."""
+    """Draw the tools in one line; those for which there is no room are in a menu at its end."""
     gap, more = px(GAP_PX), Tool("…", "More tools", 0)
     shown = _fitting(tools, room, gap, more.width)
     for number, tool in enumerate(shown):
@@ -241,17 +240,15 @@ class Transport:
     def panel(self, references: ReferenceCard) -> Panel:
         """Return the bar; Escape in the view lets go of what is selected, then leaves the take."""
 
-        def close() -> bool:
-            if self.selection.let_go():
-                return True
-            was_open = self.editing.playback is not None
-            self.editing.takes.close_playback()
-            return was_open
+        def close() -> None:
+            if not self.selection.let_go():
+                self.editing.takes.close_playback()
 
         return Panel(
             "Transport",
             PanelPlace.BELOW,
             lambda _: self._draw(references),
+            shown=lambda: self.editing.playback is not None or bool(self.selection.keys),
             close=close,
             keys=self._keys,
             actions={
@@ -263,7 +260,7 @@ class Transport:
         )
 
     def _keys(self) -> None:
-        """Keys act on what is selected where no text is typed and no window is open."""
+        """Act on what is selected where no text is typed and no window is open."""
         self._follow_pin()
         if not imgui.get_io().want_text_input and self.in_view():
             self.selection.use_keys()
@@ -327,7 +324,6 @@ class Transport:
             self.timeline.fit(selection if apart else None)
 
     def _playing(self, playback: Playback) -> None:
-        """Time: play, single steps, loop, speed, the frame, and back to live."""
         square, gap = px(30), px(4)
         play = f"{ICON.pause if playback.playing else ICON.play}###play"
         for text, hint, act in (
@@ -362,7 +358,7 @@ class Transport:
             self.editing.takes.close_playback()
 
     def _time(self, playback: Playback, space: float) -> None:
-        """The frame, then as much more as there is space for; while the take is resimulated, how far that is."""
+        """Draw the frame, then as much more as there is space for; while the take is resimulated, how far that is."""
         editing = self.editing
         if editing.busy and space > px(60):
             size = imgui.ImVec2(space, 0)
@@ -374,7 +370,6 @@ class Transport:
         widgets.muted(next(text for text in choices if imgui.calc_text_size(text).x <= space or not text))
 
     def _edits(self, playback: Playback, references: ReferenceCard) -> None:
-        """What lies on the tracks: trim, new spans, tools, and going on from here."""
         takes, fixed = self.editing.takes, self.editing.fixed
         undo_width = 0.0 if self._wide else 2 * imgui.get_frame_height() + px(GAP_PX)
         go_on = imgui.calc_text_size(ICON.walk).x + 2 * imgui.get_style().frame_padding.x + px(GAP_PX)
@@ -410,7 +405,7 @@ class Transport:
         ]
 
     def _go_on(self, fixed: str) -> None:
-        """The button at the end of the line, with as many words as there is room for."""
+        """Draw the button at the end of the line, with as many words as there is room for."""
         imgui.same_line(0, px(GAP_PX))
         end = imgui.get_window_width() - imgui.get_style().window_padding.x
         padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()

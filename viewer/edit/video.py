@@ -85,7 +85,6 @@ def _read_pictures(path: Path, made: list[tuple[float, bytes, tuple[int, int]]])
 
 
 def _small(image: Any) -> tuple[bytes, tuple[int, int]]:
-    """Return a picture as JPEG, no side longer than `MAX_SIDE`, and its size."""
     image.thumbnail((MAX_SIDE, MAX_SIDE))
     file = io.BytesIO()
     image.convert("RGB").save(file, "JPEG", quality=JPEG_QUALITY)

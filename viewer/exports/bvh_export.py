@@ -21,13 +21,50 @@ EXPORT_ALL = Slot("export", "all takes")
 
 
 @dataclass
-class BvhExport:
+class ExportField:
+    """The path to which the current take goes: a free name that is proposed, until another one is typed."""
+
     takes: Takes
-    path: str = ""  # the field
+    path: str = field(default="", init=False)  # as the field shows it
+    _proposed: str | None = field(
+        default=None, init=False
+    )  # what was put there; None once something was typed
+    _target: Path = field(
+        default=Path(), init=False
+    )  # what that means: a name may hold what no field can show
+
+    @property
+    def suffix(self) -> str:
+        return ".bvh"
+
+    def propose(self) -> None:
+        """Put a free name into the field."""
+        take = self.takes.session.current
+        if take is None:
+            self.path, self._proposed = "", None
+            return
+        folder = Path(self.takes.settings.export_folder)
+        proposal = folder / free_path(folder.expanduser() / f"{file_stem(take.title)}{self.suffix}").name
+        self._target = proposal.expanduser()
+        self.path = self._proposed = printable(proposal)
+
+    @property
+    def typed(self) -> bool:
+        return self.path != self._proposed
+
+    def target(self) -> Path:
+        """Return the path to write to; UsageError when what was typed names no file."""
+        if self.typed:
+            self._proposed = None  # whatever is typed from now on is meant
+            return export_target(self.path, self.suffix)
+        self.propose()  # another program may have taken the name since
+        return self._target
+
+
+@dataclass
+class BvhExport(ExportField):
     # files of this run, by whose number and what they hold; None: the take otherwise than it is
     _files: dict[Path, tuple[int, object]] = field(default_factory=dict)
-    _proposed: str | None = None  # what was put into the field, until something else is typed
-    _target: Path | None = None  # the file that it means: a name may hold what no field can show
     _session: SessionFile | None = None  # whose takes the numbers are of
 
     def __post_init__(self) -> None:
@@ -40,7 +77,7 @@ class BvhExport:
             self._session = self.takes.editor.file
             self._files.clear()
         if now.selected != before.selected or now.current != before.current:
-            self._propose()
+            self.propose()
 
     def saved(self, take: Take) -> Path | None:
         """Return the BVH of this run that holds what the take keeps; None where there is none any more."""
@@ -52,29 +89,14 @@ class BvhExport:
         """Return the file of this run that was written last of the take, whatever it holds."""
         return next((path for path, (by, _) in reversed(self._files.items()) if by == take.number), None)
 
-    def _propose(self) -> None:
-        """Fill the field with a name that is free, in the folder of the last export."""
-        take = self.takes.session.current
-        if take is None:
-            self.path, self._proposed, self._target = "", None, None
-            return
-        folder = Path(self.takes.settings.export_folder)
-        proposal = folder / free_path(folder.expanduser() / f"{file_stem(take.title)}.bvh").name
-        self._target = proposal.expanduser()
-        self.path = self._proposed = printable(proposal)
-
     def export(self) -> None:
         """Write what the current take keeps to the path in the field. Only a path that was typed may be one that exists."""
         takes, take = self.takes, self.takes.session.current
         if take is None:
             return
-        new = self.path == self._proposed and self._target is not None
+        new = not self.typed
         try:
-            if new:
-                self._propose()  # another program may have taken the name since
-            else:
-                self._proposed = None  # typed: whatever is typed from now on is meant
-            path = self._target if new and self._target is not None else export_target(self.path)
+            path = self.target()
         except SportError as error:
             takes.messages.error(error)
             return
@@ -94,7 +116,7 @@ class BvhExport:
         self.takes.settings.export_folder = under_home(path.parent)
         self.takes.messages.note(f"Saved {path}", path)
         if self._proposed is not None:
-            self._propose()
+            self.propose()
 
     def note_file(self, path: Path, number: int, held: Take | None) -> None:
         """Remember that a file was written of a take, and holds it as `held`; None for another form."""
@@ -146,7 +168,7 @@ def file_stem(name: str) -> str:
 
 
 def free_path(path: Path) -> Path:
-    """`path`, or the first of path-2, path-3, … that does not exist."""
+    """Return `path`, or the first of path-2, path-3, … that does not exist."""
     candidate, number = path, 2
     while os.path.lexists(candidate):  # unlike Path.exists, no error where the folder cannot be read
         candidate = path.with_stem(f"{path.stem}-{number}")

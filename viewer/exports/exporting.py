@@ -18,13 +18,12 @@ from runtime.safe_read import parse_json, printable
 from runtime.session.session import Take
 from runtime.takes.camera_keys import view_at
 from runtime.terrain.height_map import Terrain
-from viewer.exports.bvh_export import BvhExport, export_target, file_stem, free_path
+from viewer.exports.bvh_export import BvhExport, ExportField
 from viewer.filming.shots import KEYED
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
-from viewer.session.takes import Takes
 from viewer.settings import under_home
 
 PARTS = {"trim": "Between the trim handles", "shown": "As the timeline shows", "": "Whole take"}
@@ -87,8 +86,7 @@ SLOT = Slot("export", "one take by its window")
 
 
 @dataclass
-class Exporting:
-    takes: Takes
+class Exporting(ExportField):
     scene: Scene
     messages: Messages
     jobs: Jobs
@@ -97,14 +95,12 @@ class Exporting:
     shown_frames: Callable[[int], tuple[int, int] | None]  # first and last, of a take's number
     shown: bool = False
     form: ExportForm = ExportForm()
-    path: str = ""  # the field
     missing: str = ""  # what the format needs and is not installed, and how to get it
     progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
     report: str = ""  # what became of the last export
     report_good: bool = True
     saved: Path | None = None  # what it wrote
     _cancel: threading.Event = field(default_factory=threading.Event)
-    _proposed: str = ""
 
     def __post_init__(self) -> None:
         try:
@@ -118,6 +114,10 @@ class Exporting:
 
     def remember(self) -> None:
         self.takes.settings.export_form = json.dumps(form_to_json(self.form))
+
+    @property
+    def suffix(self) -> str:
+        return self.form.suffix
 
     @property
     def busy(self) -> bool:
@@ -134,29 +134,18 @@ class Exporting:
             self.choose(camera=KEYED)  # as the view shows it
         self.propose()
 
-    def close(self) -> bool:
-        """Close the window; return whether it was open."""
-        was, self.shown = self.shown, False
-        return was
-
-    def propose(self) -> None:
-        """Put a free name with the ending of the chosen format into the field."""
-        take = self.takes.session.current
-        if take is None:
-            return
-        folder = Path(self.takes.settings.export_folder)
-        name = free_path(folder.expanduser() / f"{file_stem(take.title)}{self.form.suffix}").name
-        self.path = self._proposed = printable(folder / name)
+    def close(self) -> None:
+        self.shown = False
 
     def choose_format(self, suffix: str) -> None:
         """Write another format; a path that was typed keeps its name."""
-        typed, self.missing = self.path != self._proposed, ""
+        self.missing = ""
         self.choose(suffix=suffix)
         try:
             FORMATS[suffix].check_program(Path(f"take{suffix}"))
         except UsageError as error:
             self.missing = str(error).partition(": ")[2]
-        if typed:
+        if self.typed and Path(self.path).name:
             self.path = str(Path(self.path).with_suffix(suffix))
         else:
             self.propose()
@@ -168,11 +157,8 @@ class Exporting:
                 self.choose(suffix=path.suffix.lower())
             self.path = printable(path)
 
-        suffix = self.form.suffix
-        start = Path(self.path).expanduser()
-        self.dialogs.ask(
-            DialogKind.SAVE, "Export the take", start, chosen, (FORMATS[suffix].name, f"*{suffix}")
-        )
+        start, filters = Path(self.path).expanduser(), (self.form.format.name, f"*{self.suffix}")
+        self.dialogs.ask(DialogKind.SAVE, "Export the take", start, chosen, filters)
 
     # --- writing
 
@@ -181,9 +167,7 @@ class Exporting:
         if take is None or self.busy:
             return
         try:
-            if self.path == self._proposed:
-                self.propose()  # another program may have taken the name since
-            form, path = self.form, export_target(self.path, self.form.suffix)
+            form, path = self.form, self.target()
             options = self._options(form, take, path)
             work, held = self._work(take, path, form, options), _held(take, form, options)
         except SportError as error:
@@ -215,7 +199,6 @@ class Exporting:
         self._cancel.set()
 
     def _check(self) -> None:
-        """Raise ExportCancelled where the export was cancelled; called on the worker."""
         if self._cancel.is_set():
             raise ExportCancelled("The export was cancelled.")
 

@@ -81,7 +81,6 @@ def _list(exporting: Exporting, name: str, widget: str) -> object:
 
 
 def _lists_and_sliders(exporting: Exporting) -> None:
-    """Draw the options of the format, except for toggles."""
     if exporting.form.ground == "inside" and not exporting.form.has("with_ground"):
         exporting.choose(ground="")
     hidden = () if exporting.scene.character_path else ("character_unit",)
@@ -103,7 +102,6 @@ def _slider(exporting: Exporting, name: str, least: float, text: str) -> None:
 
 
 def _toggles(exporting: Exporting) -> None:
-    """Draw the toggles, in two columns or in one row."""
     form, own = exporting.form, exporting.scene.character_path
     applies = {
         "humanoid_names": form.engine and ENGINES[form.engine].bones, "own_character": own,
@@ -142,8 +140,7 @@ def _end(exporting: Exporting) -> None:
         if widgets.button("Cancel##cancel export", -1, "Cancel; no file is kept"):
             exporting.cancel()
     elif exporting.missing:
-        with widgets.color(imgui.Col_.text, theme.ERROR):
-            imgui.text_wrapped(exporting.missing)
+        widgets.text(exporting.missing, theme.ERROR, wrap=True)
     elif widgets.button(f"{ICON.save} Export##export now", -1, primary=True):
         exporting.export()
     if exporting.report:
@@ -153,13 +150,7 @@ def _end(exporting: Exporting) -> None:
 def _report(exporting: Exporting) -> None:
     show = "Show in folder"
     room = imgui.get_content_region_avail().x - imgui.calc_text_size(show).x - px(30)
-    imgui.begin_group()
-    with widgets.color(imgui.Col_.text, theme.TEXT if exporting.report_good else theme.ERROR):
-        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + room)
-        imgui.text_unformatted(widgets.elided(exporting.report, 1.8 * room))
-        imgui.pop_text_wrap_pos()
-    imgui.end_group()
-    widgets.tooltip(exporting.report)
+    widgets.fitted(exporting.report, room, theme.TEXT if exporting.report_good else theme.ERROR, lines=1.8)
     if exporting.saved:
         imgui.same_line(imgui.get_cursor_start_pos().x + room + px(8))
         if widgets.button(f"{show}##show export"):

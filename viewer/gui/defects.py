@@ -85,10 +85,9 @@ class Defects:
         # the first one has caused those after it
         self.shown = self.shown or Defect(doing, text, path if written else None)
 
-    def dismiss(self) -> bool:
-        """Put the report away that was read; return whether there was one."""
-        was, self.shown = self.shown is not None, None
-        return was
+    def dismiss(self) -> None:
+        """Put the report away that was read."""
+        self.shown = None
 
 
 def _in_frame() -> bool:

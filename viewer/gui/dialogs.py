@@ -140,10 +140,9 @@ class Dialogs:
         if answer:
             question.done(Path(answer))
 
-    def close(self) -> bool:
-        """Withdraw the question; return whether there was one."""
-        question, self.question = self.question, None
-        return question is not None
+    def close(self) -> None:
+        """Withdraw the question."""
+        self.question = None
 
     def panel(self) -> Panel:
         return Panel(
@@ -167,7 +166,7 @@ class Dialogs:
             question.done(Path(chosen).expanduser())
 
     def _browser(self, question: PendingDialog) -> str | None:
-        """Folders and files to click; the path of a file that was clicked twice."""
+        """Draw folders and files to click; return the path of a file that was clicked twice."""
         answer = None
         if imgui.begin_child("files", imgui.ImVec2(0, px(LIST_HEIGHT_PX))):
             folder = question.folder

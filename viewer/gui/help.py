@@ -30,8 +30,7 @@ def draw(fonts: Fonts, settings: Settings) -> None:
         imgui.table_next_row()
         imgui.table_set_column_index(0)
         imgui.push_font(fonts.bold, theme.FONT_SIZE_PX)
-        with widgets.color(imgui.Col_.text, theme.ACCENT):
-            imgui.text_unformatted(title)
+        widgets.text(title, theme.ACCENT)
         imgui.pop_font()
         for what, keys, pad in rows:
             imgui.table_next_row()

@@ -102,7 +102,7 @@ def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
 
 
 def _timeline(view: Rect, scale: float) -> Rect | None:
-    """Under the view, which it takes from: `framing` shows the character above it."""
+    """Return the place under the view, from which it takes: `framing` shows the character above it."""
     m = MARGIN_PX * scale
     room = min(max((view.height / scale - TALL_FROM_PX) / (TALL_TO_PX - TALL_FROM_PX), 0.0), 1.0)
     wanted = (TIMELINE_HEIGHT + room * TALLER_FRACTION * TRACKS_HEIGHT) * scale

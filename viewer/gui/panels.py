@@ -61,7 +61,7 @@ class Panel:
     actions: Mapping[Action, Callable[[], None]] = field(default_factory=dict)
     begin_typing: Callable[[], None] | None = None  # Enter in the view goes to its field
     keys: Callable[[], None] | None = None  # acts on combinations with Ctrl, once a frame
-    close: Callable[[], bool] | None = None  # Escape: close what is open; whether anything was
+    close: Callable[[], object] | None = None  # Escape closes it while it is shown
     # how much of the view's left side it covers, in screen units
     covers: Callable[[Rect], float] = lambda _: 0.0
 

@@ -42,12 +42,7 @@ class Stats:
         self.steps_per_s += (steps / interval_s - self.steps_per_s) * fraction
 
 
-def draw(
-    messages: Messages,
-    facts: list[tuple[str, str]],
-    doing: str,
-    can_end: bool,
-) -> bool:
+def draw(messages: Messages, facts: list[tuple[str, str]], doing: str, can_end: bool) -> bool:
     """Draw the line: a message, and facts with their hints, which drop off from the left where the message needs their room.
 
     The last fact stays. Before the message what the program is `doing`, with a button where it can be ended; whether that
@@ -93,14 +88,11 @@ def _message(message: Message | None, width: float, show: Callable[[Path], None]
         _opens_list()
         return
     icon, color = _LOOKS[message.level]
-    with widgets.color(imgui.Col_.text, color):
-        imgui.text_unformatted(icon)
-        imgui.same_line(0, px(5))
-    plain = theme.TEXT if message.level is Level.NOTE else color
+    widgets.text(icon, color)
+    imgui.same_line(0, px(5))
     width -= imgui.calc_text_size(SHOW).x + px(24) if message.path else 0.0
-    with widgets.color(imgui.Col_.text, plain):
-        shown = widgets.elided(message.text, width - px(ICON_WIDTH))
-        imgui.text_unformatted(shown)
+    shown = widgets.elided(message.text, width - px(ICON_WIDTH))
+    widgets.text(shown, theme.TEXT if message.level is Level.NOTE else color)
     _opens_list("" if shown == message.text else message.text)
     if message.path is not None:
         imgui.same_line(0, px(10))
@@ -117,7 +109,6 @@ def _opens_list(text: str = "") -> None:
 
 
 def _list(messages: Messages) -> None:
-    """Draw the last messages, newest first, above the line: time, text, and what can be done."""
     corner = imgui.get_window_pos()
     width, space = min(px(LIST_WIDTH), imgui.get_window_width() - px(20)), imgui.get_io().display_size.y
     imgui.set_next_window_pos(
@@ -140,12 +131,14 @@ def _entry(message: Message, show: Callable[[Path], None]) -> None:
     over = message.settled or message.level is Level.NOTE
     widgets.muted(message.told_at)
     imgui.same_line(0, px(10))
-    with widgets.color(imgui.Col_.text, theme.MUTED if message.settled else color):
-        imgui.text_unformatted(ICON.check if message.settled else icon)
+    widgets.text(ICON.check if message.settled else icon, theme.MUTED if message.settled else color)
     imgui.same_line(0, px(8))
     imgui.begin_group()
-    with widgets.color(imgui.Col_.text, theme.TEXT if over else color):
-        imgui.text_wrapped(message.problem + (" It is over." if message.settled else ""))
+    widgets.text(
+        message.problem + (" It is over." if message.settled else ""),
+        theme.TEXT if over else color,
+        wrap=True,
+    )
     if message.remedy and not message.settled:
         widgets.muted(message.remedy, wrap=True)
     if message.path is not None and imgui.small_button(f"{SHOW}##of message"):

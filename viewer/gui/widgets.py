@@ -61,9 +61,24 @@ def color(role: int, value: Color) -> colors:
     return colors({role: value})
 
 
-def muted(text: str, wrap: bool = False) -> None:
-    with color(imgui.Col_.text, theme.MUTED):
-        imgui.text_wrapped(text) if wrap else imgui.text_unformatted(text)
+def text(words: str, tint: Color, wrap: bool = False) -> None:
+    with color(imgui.Col_.text, tint):
+        imgui.text_wrapped(words) if wrap else imgui.text_unformatted(words)
+
+
+def muted(words: str, wrap: bool = False) -> None:
+    text(words, theme.MUTED, wrap)
+
+
+def fitted(words: str, width: float, tint: Color = theme.MUTED, lines: float = 1.0) -> None:
+    """Draw words within so many lines of a width; a tooltip has all of them where they are cut."""
+    shown = elided(words, lines * width)
+    if lines > 1.0:
+        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
+    text(shown, tint)
+    if lines > 1.0:
+        imgui.pop_text_wrap_pos()
+    tooltip(words if shown != words else "")
 
 
 def label(text: str, tint: Color = theme.MUTED) -> None:
@@ -246,10 +261,14 @@ def slider(
 
 
 def segmented(
-    name: str, options: Sequence[tuple[Any, str]], value: Any, unavailable: Sequence[Any] = ()
+    name: str,
+    options: Sequence[tuple[Any, str]],
+    value: Any,
+    unavailable: Sequence[Any] = (),
+    room: float = 0.0,
 ) -> Any:
-    """Draw a few choices side by side and return the chosen value; `options` are (value, text)."""
-    width = column_width(len(options))
+    """Draw a few choices side by side, in so much room or all, and return the chosen value; `options` are (value, text)."""
+    width = column_width(len(options), room)
     imgui.push_id(name)
     for i, (option, text) in enumerate(options):
         if i:
@@ -323,9 +342,9 @@ def tab(label: str, flags: int = 0) -> bool:
     return is_open
 
 
-def column_width(count: int) -> float:
-    """Return the width of each of `count` items side by side in the rest of the line."""
-    return (imgui.get_content_region_avail().x - (count - 1) * px(GAP_PX)) / count
+def column_width(count: int, room: float = 0.0) -> float:
+    """Return the width of each of `count` items side by side in the rest of the line, or in so much room."""
+    return ((room or imgui.get_content_region_avail().x) - (count - 1) * px(GAP_PX)) / count
 
 
 def same_line() -> None:
@@ -381,7 +400,7 @@ def setting_toggle(settings: Settings, name: str, width: float) -> None:
     setattr(settings, name, toggle(spec.label, getattr(settings, name), width, spec.hint))
 
 
-def setting_choice(settings: Settings, name: str) -> None:
+def setting_choice(settings: Settings, name: str, room: float = 0.0) -> None:
     """Draw a few values side by side, of which one is chosen."""
     options = list((spec_of(settings, name).choices or {}).items())
-    setattr(settings, name, segmented(name, options, getattr(settings, name)))
+    setattr(settings, name, segmented(name, options, getattr(settings, name), room=room))

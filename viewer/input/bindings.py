@@ -189,18 +189,13 @@ def key_tables(changes: str = "") -> tuple[dict[Action, frozenset[str]], dict[st
     A key that was chosen is the only one of its action, and its alone.
     """
     own = bound(KEYS, changes)
-    chosen = {action for action, key in own.items() if key != KEYS[action]}
-    taken = {own[action] for action in chosen if action.keys}
+    in_view = [action for action in Action if action.keys]
+    chosen = {action: own[action] for action in in_view if own[action] != KEYS[action]}
     view = {
-        action: frozenset({own[action]} if action in chosen else {*action.keys} - taken)
-        for action in Action
-        if action.keys
+        action: frozenset({chosen[action]} if action in chosen else {*action.keys} - {*chosen.values()})
+        for action in in_view
     }
-    take = {
-        own[action] if action in chosen and not action.keys else action.take_key: action
-        for action in Action
-        if action.take_key
-    }
+    take = {action.take_key if action.keys else own[action]: action for action in Action if action.take_key}
     return view, take
 
 
@@ -364,7 +359,6 @@ class InputMapper:
         return Gait.JOG if trigger or Action.JOG in held else Gait.WALK
 
     def _release_crouch(self, held: bool, dt: float) -> None:
-        """Stand up when a crouch key that was held for some time is let go."""
         if not held and self._crouch_held_s > HOLD_S:
             self.crouching = False
         self._crouch_held_s = self._crouch_held_s + dt if held else 0.0

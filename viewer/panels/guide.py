@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from viewer.editor import Editor
 from viewer.exports.bvh_export import BvhExport
-from viewer.gl_bindings import imgui
 from viewer.gui import panels, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
@@ -111,10 +110,8 @@ def _draw(guide: Guide, view: Rect) -> None:
 
 
 def _step(step: int, done: bool, current: bool) -> None:
-    """A step that is done, the one to take now, or a later one."""
     name, how = STEPS[step]
     tint = theme.ACCENT if done else theme.TEXT if current else theme.MUTED
-    with widgets.color(imgui.Col_.text, tint):
-        imgui.text_unformatted(f"{ICON.check if done else ICON.on if current else '    '}  {name}")
+    widgets.text(f"{ICON.check if done else ICON.on if current else '    '}  {name}", tint)
     if current:
         widgets.muted(how, wrap=True)

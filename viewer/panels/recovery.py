@@ -32,8 +32,9 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
             wrap=True,
         )
         kept = sessions.editor.file.problem or f"Your work is kept: the session {sessions.name} is written."
-        with widgets.color(imgui.Col_.text, theme.ERROR if sessions.editor.file.problem else theme.ACCENT):
-            imgui.text_wrapped(printable(kept))
+        widgets.text(
+            printable(kept), theme.ERROR if sessions.editor.file.problem else theme.ACCENT, wrap=True
+        )
         where = "It could not be written." if defect.path is None else printable(defect.path)
         widgets.label(f"Report: {where}")
         room = imgui.ImVec2(-1, px(REPORT_HEIGHT_PX))
@@ -64,10 +65,9 @@ class CutOffWindow:
         """Open the window when there is such a session."""
         self.left = self.sessions.find_cut_off()
 
-    def close(self) -> bool:
-        """Leave it for later; return whether it was open."""
-        was, self.left = self.left is not None, None
-        return was
+    def close(self) -> None:
+        """Leave it for later."""
+        self.left = None
 
     def panel(self) -> Panel:
         return Panel(
@@ -81,8 +81,7 @@ class CutOffWindow:
             self.left = None
             return
         imgui.text_wrapped("The last run ended without being closed. Its work is kept:")
-        with widgets.color(imgui.Col_.text, theme.ACCENT):
-            imgui.text_wrapped(printable(describe(left)))
+        widgets.text(printable(describe(left)), theme.ACCENT, wrap=True)
 
         def reopen() -> None:
             sessions.open(left.path)

@@ -65,7 +65,7 @@ class ScenePanel:
             imgui.end_popup()
 
     def _camera(self) -> None:
-        """How the camera goes along; of a take with camera keys also as they say."""
+        """Draw how the camera goes along; of a take with camera keys also as they say."""
         now = "keyed" if self.cameras.through else self.scene.camera.mode
         options = [*CAMERAS.items(), ("keyed", "Keyed")]
         mode = widgets.segmented("camera", options, now, () if self.cameras.keys else ("keyed",))
@@ -108,7 +108,6 @@ def _terrain(scene: Scene, takes: Takes) -> None:
 
 
 def _character(scene: Scene) -> None:
-    """Scale of height maps; which character, its look, and the shape of the mannequin or the joints of another one."""
     half = widgets.column_width(2)
     imgui.set_next_item_width(half)
     widgets.setting_drag(scene.settings, "height_map_cell_m")
@@ -135,7 +134,6 @@ def _character(scene: Scene) -> None:
 
 
 def _unit(scene: Scene) -> None:
-    """The unit of lengths in the character's file."""
     character, choices = (
         scene.editor.session.character,
         spec_of(ExportOptions, "character_unit").choices or {},
@@ -150,7 +148,7 @@ def _unit(scene: Scene) -> None:
 
 
 def _shape(scene: Scene) -> None:
-    """The mannequin's measures; it is made again when the mouse lets go, and its steps adapt to its size."""
+    """Draw the mannequin's measures; it is made again when the mouse lets go."""
     shape = scene.editor.session.character.shape
     for name, text in _SHAPES.items():
         percent = 100.0 * getattr(shape, name)
@@ -226,6 +224,5 @@ def _links(*links: LiveLink) -> None:
 
 
 def _short(spec: str) -> str:
-    """Return a name as it is, a path by its last part."""
     name = spec.replace("\\", "/").rsplit("/", 1)[-1]
     return name if "." in name else name.replace("_", " ").capitalize()

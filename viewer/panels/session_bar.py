@@ -139,7 +139,6 @@ class SessionBar:
             imgui.end_menu()
 
     def _earlier(self) -> None:
-        """Untitled sessions of other runs, with a picture each; a right click discards one."""
         sessions = self.sessions
         if not sessions.earlier or not imgui.begin_menu("Earlier sessions"):
             return
@@ -157,7 +156,6 @@ class SessionBar:
         imgui.end_menu()
 
     def _lost(self) -> None:
-        """Takes of the file that no step of the history names any more."""
         sessions, lost = self.sessions, self.sessions.lost
         if not lost or not imgui.begin_menu(f"Lost takes ({len(lost)})###lost"):
             return
@@ -170,7 +168,6 @@ class SessionBar:
         imgui.end_menu()
 
     def _picture(self, left: SessionSummary) -> None:
-        """The view in which a session was closed."""
         if left.path not in self._pictures:
             self._pictures[left.path] = _texture(self.ctx, left.picture)
         texture = self._pictures[left.path]
@@ -180,7 +177,7 @@ class SessionBar:
 
 
 def _items(*items: tuple[str, str, Callable[[], object] | None]) -> None:
-    """Lines of a menu: text, key and action; one without an action is disabled."""
+    """Draw lines of a menu: text, key and action; one without an action is disabled."""
     for text, key, act in items:
         if imgui.menu_item(text, key, False, act is not None)[0] and act is not None:
             act()

@@ -51,10 +51,9 @@ class SettingsWindow:
     use_scale: Callable[[float], None]  # of the interface
     shown: bool = False
 
-    def toggle(self) -> bool:
-        """Open or close it; whether it was open."""
+    def toggle(self) -> None:
+        """Open or close it."""
         self.shown = not self.shown
-        return not self.shown
 
     def panel(self) -> Panel:
         return Panel(
@@ -64,7 +63,7 @@ class SettingsWindow:
             ICON.gear,
             lambda: self.shown,
             WIDTH_PX,
-            close=lambda: self.shown and self.toggle(),
+            close=self.toggle,
         )
 
     def chosen_model(self) -> Path | None:
@@ -143,7 +142,7 @@ class SettingsWindow:
             self.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
 
     def _bindings(self, setting: str, table: Mapping[Action, str], texts: Mapping[str, str]) -> None:
-        """What each button or key does; one that is taken is exchanged, which is said."""
+        """Draw what each button or key does; one that is taken is exchanged, which is said."""
         changes = getattr(self.settings, setting)
         for action, key in bound(table, changes).items():
             widgets.row(_named(action))

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
-from viewer.edit.items import Mark
-from viewer.edit.resimulation import Resimulation
-from viewer.edit.restyling import restyle
-from viewer.edit.tracks import mark_at, words_of
+from viewer.edit.resimulation import Resimulation, restyle
+from viewer.edit.tracks import Mark, mark_at, words_of
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -51,7 +49,7 @@ def draw(editing: Resimulation) -> None:
 
 
 def _restyle(editing: Resimulation) -> None:
-    """A prompt for a motion that has none: it is walked again by it."""
+    """Draw a prompt for a motion that has none, which is walked again by it."""
     if editing.shown is not None:
         editing.shown, editing.prompt = None, ""
     widgets.muted("This motion has no prompt. Type one to walk its path again in another style.", wrap=True)
@@ -81,7 +79,6 @@ def _prompt(editing: Resimulation, index: int) -> None:
 
 
 def _parts(editing: Resimulation, index: int, mark: Mark, fixed: bool) -> None:
-    """The six descriptions; each can be changed on its own where they are known."""
     if words_of(mark.of.event) is None:
         widgets.muted("A blend, or unknown descriptions: type one prompt to edit body parts.", wrap=True)
         return
@@ -97,6 +94,6 @@ def _parts(editing: Resimulation, index: int, mark: Mark, fixed: bool) -> None:
 
 
 def _hold(editing: Resimulation) -> None:
-    """Playing on would put other words under the hand that types."""
+    """Pause while a field is typed into: playing on would put other words under the hand."""
     if imgui.is_item_active() and editing.playback is not None:
         editing.playback.playing = False

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from runtime.safe_read import printable
 from runtime.session.session import LIVE, MAX_RATING, Take
-from viewer.edit.items import TAKES
 from viewer.edit.reference_card import ReferenceCard
 from viewer.edit.selection import Selection
+from viewer.edit.tracks import TAKES
 from viewer.exports.bvh_export import EXPORT_ALL, BvhExport
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -84,17 +84,13 @@ def draw(panel: TakesPanel) -> None:
 
 
 def _cut_off(sessions: Sessions) -> None:
-    """A session that was cut off, to be opened again or discarded."""
     left = sessions.cut_off
     if left is None:
         return
     width = imgui.get_content_region_avail().x
-    with widgets.color(imgui.Col_.text, theme.WARNING):
-        imgui.text_unformatted(ICON.warning)
+    widgets.text(ICON.warning, theme.WARNING)
     imgui.same_line(0, px(5))
-    text = f"Cut off: {printable(describe(left))}"
-    imgui.text_unformatted(widgets.elided(text, width - px(26)))
-    widgets.tooltip(text)
+    widgets.fitted(f"Cut off: {printable(describe(left))}", width - px(26), theme.TEXT)
     with widgets.disabled(sessions.jobs.busy(OPENING)):
         widgets.buttons(
             ("Reopen", "Open it again with all that was recorded", partial(sessions.open, left.path)),
@@ -153,7 +149,6 @@ def _list(panel: TakesPanel) -> None:
 
 
 def _search(takes: Takes) -> None:
-    """The field of the search, and the order of the list."""
     side = imgui.get_frame_height()
     imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
     _, takes.search = imgui.input_text_with_hint("##search takes", f"{ICON.search} Search", takes.search)
@@ -181,7 +176,7 @@ def _export_all(bvh: BvhExport, width: float) -> None:
 
 
 def _name_field(takes: Takes, take: Take) -> None:
-    """The row as a field for another name or a note: Enter takes it, Esc or a click elsewhere leaves it."""
+    """Draw the row as a field for another name or a note: Enter takes it, Esc or a click elsewhere leaves it."""
     widgets.full_width()
     first = imgui.is_window_appearing() or takes.naming_begins
     if first:
@@ -198,7 +193,7 @@ def _name_field(takes: Takes, take: Take) -> None:
 
 
 def _row(panel: TakesPanel, take: Take) -> None:
-    """Play, name, length, remove; a click anywhere selects."""
+    """Draw play, name, length, remove; a click anywhere selects."""
     takes = panel.takes
     width, square = imgui.get_content_region_avail().x, imgui.get_frame_height()
     corner, start = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
@@ -231,7 +226,7 @@ def _row(panel: TakesPanel, take: Take) -> None:
 
 
 def _facts(panel: TakesPanel, take: Take) -> str:
-    """Rating, whether there is a note and a file, and the length."""
+    """Return rating, whether there is a note and a file, and the length."""
     first, last = take.range
     rating = f"{take.rating}{ICON.star}" if take.rating else ""
     marks = rating, ICON.text * bool(take.note), ICON.check * bool(panel.bvh.saved(take))
@@ -239,7 +234,7 @@ def _facts(panel: TakesPanel, take: Take) -> str:
 
 
 def _pick(takes: Takes, selection: Selection, take: Take) -> None:
-    """A click selects a take; with Ctrl one more or less, with Shift all from the current one on."""
+    """Select a take; with Ctrl one more or less, with Shift all from the current one on."""
     io, items = imgui.get_io(), {item.lane: item for item in selection.all([TAKES])}
     if io.key_shift and takes.session.current is not None:
         first, last = sorted((takes.session.index(takes.session.selected), takes.session.index(take.number)))
@@ -251,7 +246,7 @@ def _pick(takes: Takes, selection: Selection, take: Take) -> None:
 
 
 def _row_ground(panel: TakesPanel, take: Take, corner: imgui.ImVec2, width: float) -> None:
-    """What lies under a row: it takes the mouse, and shows whether it is selected and its color."""
+    """Draw what lies under a row: it takes the mouse, and shows whether it is selected and its color."""
     takes, selection = panel.takes, panel.selection
     chosen, height = takes.session.selected == take.number, imgui.get_frame_height()
     picked = (TAKES, take.number, 0) in selection.keys
@@ -283,7 +278,6 @@ def _use_row(takes: Takes, selection: Selection, take: Take, picked: bool) -> No
 
 
 def _about(bvh: BvhExport, take: Take) -> None:
-    """What the mouse finds out about a take."""
     saved, exported = bvh.saved(take), bvh.exported(take)
     lines = [f"Exported as {printable(saved)}" if saved else "Not exported as it is"]
     if exported not in (None, saved):
@@ -320,7 +314,7 @@ def _take_menu(panel: TakesPanel, take: Take) -> None:
 
 
 def _versions(takes: Takes, take: Take) -> None:
-    """The motions that a take has had, to go back to or to compare with."""
+    """Draw the motions that a take has had, to go back to or to compare with."""
     versions = takes.versions(take.number)
     if len(versions) < 2 or not imgui.begin_menu("Versions"):
         return
@@ -338,7 +332,6 @@ def _versions(takes: Takes, take: Take) -> None:
 
 
 def _choice(name: str, choices: Sequence[str], chosen: int, choose: Callable[[int], None]) -> None:
-    """A menu with the numbers of some choices."""
     if imgui.begin_menu(name):
         for number, text in enumerate(choices):
             if widgets.item(text, chosen=number == chosen):
@@ -347,7 +340,7 @@ def _choice(name: str, choices: Sequence[str], chosen: int, choose: Callable[[in
 
 
 def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:
-    """Of the take that plays, what to compare it with; of another one, whether that plays with it."""
+    """Draw what to compare the take that plays with; of another take, whether that plays with it."""
     playback = takes.playback
     if playback is not None and playback.number == take.number:
         if imgui.begin_menu("Compare with"):
@@ -359,7 +352,7 @@ def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:
 
 
 def _animations(takes: Takes, references: ReferenceCard, take: Take) -> None:
-    """The animations of the file that a take came from; a chosen one is a further take, compared where this one is."""
+    """Draw the animations of the take's file; a chosen one is a further take, compared where this one is."""
     path, names = takes.animations.get(take.number, (None, ()))
     if path is None or len(names) < 2 or not imgui.begin_menu("Animations"):
         return
@@ -371,14 +364,11 @@ def _animations(takes: Takes, references: ReferenceCard, take: Take) -> None:
 
 
 def _rate_and_unit(settings: Settings) -> None:
-    half = (imgui.get_content_region_avail().x - px(10)) / 2
-    if imgui.begin_child("fps", imgui.ImVec2(half, imgui.get_frame_height())):
-        widgets.setting_choice(settings, "export_fps")
-    imgui.end_child()
-    imgui.same_line(0, px(10))
-    if imgui.begin_child("unit", imgui.ImVec2(half, imgui.get_frame_height())):
-        widgets.setting_choice(settings, "export_unit")
-    imgui.end_child()
+    gap = px(10)
+    half = (imgui.get_content_region_avail().x - gap) / 2
+    widgets.setting_choice(settings, "export_fps", half)
+    imgui.same_line(0, gap)
+    widgets.setting_choice(settings, "export_unit", half)
 
 
 def _export_height(short: bool) -> float:

@@ -22,7 +22,7 @@ _ANSWERED = {  # by the source of an answer
 def draw_answer(
     controller: PromptController, blend: PromptBlend, side: Side, rows: int, lines: int = 2
 ) -> str:
-    """A side's answer with at most `rows` of the nearest prompts and `lines` of remarks; a prompt that was clicked, or ""."""
+    """Draw a side's answer with at most `rows` of the nearest prompts and `lines` of remarks; return a prompt that was clicked, or ""."""
     answer, pending = blend.answers[side], side in controller.pending
     missing = _missing(controller, answer, pending)
     if missing or answer is None:
@@ -60,12 +60,8 @@ def _who(answer: Answer, pending: bool, model: str, rows: int) -> None:
         widgets.same_line()
         widgets.tag("edited", theme.MUTED)
         widgets.tooltip(f"Words of {', '.join(map(named, answer.edited))} are yours")
-    text = _summary(answer, pending, model, rows)
     imgui.same_line(0, px(7))
-    shown = widgets.elided(text, imgui.get_content_region_avail().x)
-    widgets.muted(shown)
-    if shown != text:
-        widgets.tooltip(text)
+    widgets.fitted(_summary(answer, pending, model, rows), imgui.get_content_region_avail().x)
 
 
 def _summary(answer: Answer, pending: bool, model: str, rows: int) -> str:
@@ -82,7 +78,7 @@ def _summary(answer: Answer, pending: bool, model: str, rows: int) -> str:
 
 
 def _near(text: str, similarity: float) -> bool:
-    """One of the nearest prompts with a bar of its similarity; whether it was clicked."""
+    """Draw one of the nearest prompts with a bar of its similarity; return whether it was clicked."""
     width, height = imgui.get_content_region_avail().x, imgui.get_text_line_height() + px(2)
     corner = imgui.get_cursor_screen_pos()
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(1)))
@@ -107,17 +103,6 @@ def _near(text: str, similarity: float) -> bool:
 
 
 def _note(text: str, warns: bool, lines: int) -> None:
-    """A remark on the answer, on at most so many lines."""
-    with widgets.color(imgui.Col_.text, theme.WARNING if warns else theme.ACCENT):
-        imgui.text_unformatted(ICON.warning if warns else ICON.note)
+    widgets.text(ICON.warning if warns else ICON.note, theme.WARNING if warns else theme.ACCENT)
     widgets.same_line()
-    width = imgui.get_content_region_avail().x
-    imgui.begin_group()
-    with widgets.color(imgui.Col_.text, theme.MUTED):
-        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
-        shown = widgets.elided(text, (lines - 0.15 * (lines > 1)) * width)
-        imgui.text_unformatted(shown)
-        imgui.pop_text_wrap_pos()
-    imgui.end_group()
-    if shown != text:
-        widgets.tooltip(text)
+    widgets.fitted(text, imgui.get_content_region_avail().x, lines=lines - 0.15 * (lines > 1))

@@ -99,18 +99,12 @@ class LanguageModel:
     def test(self) -> None:
         if self.testing:
             return
-        self.report = ""
-        try:
-            settings = self._settings()
-        except SportError as error:
-            self.report, self.report_good = str(error), False
-            return
-        self.testing = True
-        self.jobs.submit(Slot("test of the language model"), lambda: self._check(settings), self._report)
+        self.report, self.testing = "", True
+        self.jobs.submit(Slot("test of the language model"), self._check, self._report)
 
-    def _check(self, settings: GptSettings) -> tuple[str, bool]:
+    def _check(self) -> tuple[str, bool]:
         try:
-            return self.services.check_endpoint(settings, self._stop), True
+            return self.services.check_endpoint(self._settings(), self._stop), True
         except SportError as error:
             return str(error), False
 
@@ -168,32 +162,27 @@ def draw(model: LanguageModel, corner: imgui.ImVec2) -> None:
 
 
 def _fields(model: LanguageModel) -> None:
-    settings, changed = model.settings, False
-    widgets.label("Base URL")
-    done, settings.gpt_base_url = _text("##url", OPENAI_URL, settings.gpt_base_url)
-    changed |= done
+    settings = model.settings
+    settings.gpt_base_url, other_url = _text("Base URL", "##url", OPENAI_URL, settings.gpt_base_url)
     if has_credentials(settings.gpt_base_url):
         widgets.label("It may hold a key or a password: it is not kept for the next start.", theme.WARNING)
-    widgets.label("Model")
-    done, settings.gpt_model = _text("##model", DEFAULT_MODEL, settings.gpt_model)
-    changed |= done
-    widgets.label("API key")
+    settings.gpt_model, other_model = _text("Model", "##model", DEFAULT_MODEL, settings.gpt_model)
     none = "none (endpoints of your own may need none)"
     hint = "from OPENAI_API_KEY" if model.key_from_environment else none
-    done, model.key = _text("##key", hint, model.key, imgui.InputTextFlags_.password)
-    changed |= done
+    model.key, other_key = _text("API key", "##key", hint, model.key, imgui.InputTextFlags_.password)
     widgets.label("The key stays in memory: no file, no log, no take has it.")
     widgets.full_width()
     widgets.setting_slider(settings, "gpt_timeout_s")
-    changed |= imgui.is_item_deactivated_after_edit()
-    if changed:
+    if other_url or other_model or other_key or imgui.is_item_deactivated_after_edit():
         model.apply()
 
 
-def _text(name: str, hint: str, value: str, flags: int = 0) -> tuple[bool, str]:
+def _text(label: str, name: str, hint: str, value: str, flags: int = 0) -> tuple[str, bool]:
+    """Draw a field under its label; return its text, and whether it was left after an edit."""
+    widgets.label(label)
     widgets.full_width()
     _, value = widgets.input_text(name, value, hint, flags)
-    return bool(imgui.is_item_deactivated_after_edit()), value
+    return value, bool(imgui.is_item_deactivated_after_edit())
 
 
 def _test(model: LanguageModel) -> None:
@@ -204,5 +193,8 @@ def _test(model: LanguageModel) -> None:
     if not said and model.name:
         said, good = f"{model.name}, from the next prompt on", True
     if said:
-        with widgets.color(imgui.Col_.text, theme.ACCENT if good else theme.WARNING):
-            imgui.text_wrapped(f"{ICON.check if good else ICON.warning} {said}".replace("%", "%%"))
+        widgets.text(
+            f"{ICON.check if good else ICON.warning} {said}".replace("%", "%%"),
+            theme.ACCENT if good else theme.WARNING,
+            wrap=True,
+        )

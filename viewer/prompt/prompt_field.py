@@ -70,7 +70,6 @@ def wrapped_text(name: str, text: str, lines: int = 2) -> tuple[bool, str, imgui
 
 
 def _submit(controller: PromptController, side: Side, entered: bool, left: bool) -> None:
-    """Ask what was entered; an emptied prompt B that was left ends the blend."""
     text = controller.boxes[side].text
     if entered and text.strip():
         controller.submit_prompt(text, side)
@@ -83,7 +82,7 @@ def is_active(field_id: int) -> bool:
 
 
 def undo_keys(field_id: int, unchanged: bool, editor: Editor) -> None:
-    """In a field where nothing was typed, Ctrl+Z takes back edits of the session; else it is the field's own."""
+    """Let Ctrl+Z take back edits of the session in a field where nothing was typed; else it is the field's own."""
     if not unchanged:
         return
     undo, redo = pressed_undo()
@@ -112,7 +111,7 @@ def pressed_undo() -> tuple[bool, bool]:
 
 
 def _keys(box: PromptText, found: Sequence[Suggestion], suggester: Suggester, field_id: int) -> str | None:
-    """Arrow keys, Tab, Enter and Esc over the list of suggestions; the prompt that was chosen, else None."""
+    """Use arrow keys, Tab, Enter and Esc over the list of suggestions; return the prompt that was chosen, else None."""
     if _recall(box, suggester.settings.prompt_history, field_id) or not found:
         return None
     # a locked key is pressed for no one
@@ -130,7 +129,7 @@ def _keys(box: PromptText, found: Sequence[Suggestion], suggester: Suggester, fi
 
 
 def _recall(box: PromptText, history: Sequence[str], field_id: int) -> bool:
-    """Up in an empty field puts the last prompt there, further presses go back and forth; whether a key was taken."""
+    """Put the last prompt into an empty field by Up, and go back and forth from there; return whether a key was taken."""
     by = int(imgui.is_key_pressed(imgui.Key.up_arrow)) - int(imgui.is_key_pressed(imgui.Key.down_arrow))
     begins = by > 0 and not box.text and box.picked < 0
     if not history or not by or not (begins or box.recalled >= 0):
@@ -143,7 +142,6 @@ def _recall(box: PromptText, history: Sequence[str], field_id: int) -> bool:
 
 
 def _put(box: PromptText, text: str, field_id: int) -> None:
-    """Put text into the field that has the keyboard, and the cursor at its end."""
     box.text, box.suggesting, box.picked, box.recalled = text, False, -1, -1
     state = imgui.internal.get_input_text_state(field_id)
     if state is not None:
@@ -176,7 +174,7 @@ def _follow(box: PromptText, before: str, field_id: int, hint: str) -> None:
 def _list(
     name: str, found: Sequence[Suggestion], box: PromptText, position: imgui.ImVec2, width: float
 ) -> str | None:
-    """The list under the field; the suggestion that was clicked, else None."""
+    """Draw the list under the field; return the suggestion that was clicked, else None."""
     pad, row = px(5), imgui.get_text_line_height() + px(8)
     heading = row if found[0].recent and not box.text else 0.0
     height = heading + len(found) * row + 2 * pad
@@ -203,7 +201,7 @@ def _list(
 
 
 def _row(suggestion: Suggestion, i: int, box: PromptText, width: float, height: float) -> bool:
-    """One suggestion; whether it was clicked. It is taken when the button goes down: the field loses the keyboard then."""
+    """Draw one suggestion; return whether it was clicked. The button down takes it: the field loses the keyboard then."""
     corner = imgui.get_cursor_screen_pos()
     imgui.invisible_button(f"##{i}", imgui.ImVec2(width, height))
     hovered = imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_blocked_by_active_item)

@@ -78,7 +78,6 @@ class PromptPanel:
         self.controller.boxes[Side.A].focus_requested = True
 
     def _tools(self) -> None:
-        """Undo, redo and who answers, in the line of the panel's title."""
         controller, model = self.controller, self.language_model
         prompt_field.undo_buttons(controller.editor, "", px(widgets.GAP_PX), 26.0, bool(controller.pending))
         widgets.same_line()
@@ -130,7 +129,6 @@ class PromptPanel:
         imgui.end_tab_bar()
 
     def _apply(self) -> None:
-        """The button, how long the change takes and how far it goes."""
         width, text = imgui.get_content_region_avail().x, self.controller.boxes[Side.A].text
         hint = "Enter in the box does the same; Ctrl+Enter begins a new line"
         if widgets.button(f"{ICON.wand} Apply", width * 0.29, hint, primary=True) and text.strip():
@@ -146,7 +144,7 @@ class PromptPanel:
         widgets.setting_slider(self.settings, "strength")
 
     def _parts(self) -> None:
-        """The six fields divide the height that is there; in less than they need, they scroll."""
+        """Divide the height that is there among the six fields; in less than they need, they scroll."""
         blend, words = self.controller.prompt, part_words(self.controller.prompt)
         if self._weak_of[0] is not blend.a or self._weak_of[1] != self.model:
             self._weak_of = blend.a, self.model
@@ -167,10 +165,10 @@ class PromptPanel:
             imgui.pop_id()
 
     def _part_heading(self, part: str, blend: PromptBlend, words: str) -> None:
-        """The part's name and marks on the left, reset and lock on the right."""
+        """Draw the part's name and marks on the left, reset and lock on the right."""
         top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         answer, locked = blend.a, part in blend.locked
-        edited = answer is not None and part in answer.edited
+        said = getattr(answer.said, part) if answer is not None and part in answer.edited else ""
         tint = theme.TEXT if locked else theme.MUTED
         if self.settings.look == "parts":
             tint = packed_tint(PART_NAMES.index(part))
@@ -178,18 +176,17 @@ class PromptPanel:
         if self.controller.parts[part] != words:
             _mark("Enter applies", theme.WARNING)
         else:
-            if edited:
+            if said:
                 _mark("kept" if locked else "edited", theme.ACCENT)
             self._adherence(part)
         weight = blend.weights[PART_NAMES.index(part)]
         if blend.b is not None and weight > 0.0:
             _mark(f"{weight:.0%} of B", theme.MUTED)
-        said = getattr(answer.said, part) if answer is not None and edited else ""
         _part_buttons(part, said, locked, imgui.ImVec2(top.x + width, top.y - px(2)), self.controller)
         imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT_PX + 2)))
 
     def _adherence(self, part: str) -> None:
-        """How far the body does what the words say, where that is worth a mark."""
+        """Mark how far the body does what the words say, where that is worth it."""
         weak = self._weak[part]
         if self.settings.exact_legs and part in self._exact:
             _mark("by an exact edit", theme.MUTED)
@@ -199,7 +196,6 @@ class PromptPanel:
             widgets.tooltip(WEAK_HINT)
 
     def _ready(self) -> None:
-        """The user's last prompts and one for each style that the model knows."""
         widgets.full_width()
         _, self.search = imgui.input_text_with_hint("##search", f"{ICON.search} Search", self.search)
         words = self.search.lower().split()
@@ -286,7 +282,6 @@ def _part_buttons(
 
 
 def _part_field(part: str, words: str, height: float, controller: PromptController) -> None:
-    """The field of a part that moves by `words`."""
     field_id, typed = imgui.get_id("##words"), controller.parts[part]
     active = prompt_field.is_active(field_id)
     if active:
@@ -312,7 +307,6 @@ def _part_field(part: str, words: str, height: float, controller: PromptControll
 
 
 def _blend(controller: PromptController, suggester: Suggester) -> None:
-    """Prompt B, who answered it, and the sliders."""
     widgets.label("Prompt B")
     prompt_field.draw(controller, suggester, Side.B, HINT_B, lines=1)
     blend = controller.prompt
@@ -369,7 +363,6 @@ def _weight_slider(text: str, name: str, weight: float, spare: float = 0.0) -> t
 
 
 def _no_blend(controller: PromptController, blend: PromptBlend) -> None:
-    """What is blended in, and the button that ends it."""
     width = px(96)
     left = imgui.get_content_region_avail().x - width
     text = f"B {100 * blend.master_weight:.0f} %: {blend.prompt(Side.B) or 'own words'}"

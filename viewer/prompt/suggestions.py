@@ -93,10 +93,7 @@ class Suggester:
 
 
 def suggest(
-    typed: str,
-    prompts: Sequence[str],
-    history: Sequence[str] = (),
-    near: Iterable[tuple[str, float]] = (),
+    typed: str, prompts: Sequence[str], history: Sequence[str] = (), near: Iterable[tuple[str, float]] = ()
 ) -> tuple[Suggestion, ...]:
     """Return the suggestions for what is typed: own prompts, then those that begin so, have these words, or mean the like.
 

@@ -104,7 +104,7 @@ class CharacterPass:
         self._add("depth", "depth", shadow)
 
     def _add(self, name: str, program: str, triangles: NDArray[np.integer]) -> None:
-        """Return the vertex array that `_render` draws by a name."""
+        """Make the vertex array that `_render` draws by a name."""
         indices = self._buffer(triangles, np.uint32)
         self._arrays[name] = self._ctx.vertex_array(self._programs[program], self._content[program], indices)
 

@@ -31,7 +31,6 @@ def dressed(character: Character, look: str) -> Character:
 
 
 def _colors(character: Character, look: str) -> Array:
-    """Return the vertex colours `(V, 3)`, linear."""
     brightness = character.colors.mean(-1, keepdims=True)
     if look == "parts":
         shade = 0.5 + 0.5 * brightness / max(float(brightness.max()), 1e-6)

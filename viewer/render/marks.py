@@ -73,7 +73,7 @@ def make_strokes(
 
 
 def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strokes:
-    """One line through the samples, laid on the terrain, with a tick across it at each; grey behind, blue ahead with an arrow."""
+    """Return one line through the samples, laid on the terrain, with a tick across it at each; grey behind, blue ahead with an arrow."""
     places = np.asarray(trajectory.positions, np.float32)[:, [0, 2]]
     facing = np.asarray(trajectory.directions, np.float32)
     past = np.asarray(trajectory.past, bool)
@@ -94,7 +94,7 @@ def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strok
 
 
 def _smooth(values: Array, at: Array) -> Array:
-    """Catmull-Rom curve through values, at fractions of their indices."""
+    """Return a Catmull-Rom curve through values, at fractions of their indices."""
     padded = np.concatenate([2 * values[:1] - values[1:2], values, 2 * values[-1:] - values[-2:-1]])
     index = np.minimum(at.astype(int), len(values) - 2)
     t, (a, b, c, d) = at - index, (padded[index + k] for k in range(4))

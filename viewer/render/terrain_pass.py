@@ -165,7 +165,7 @@ class TerrainPass:
 
 
 def _noise_texture(ctx: moderngl.Context) -> moderngl.Texture:
-    """Smooth noise that repeats, in two channels: patches, and grain of a few texels."""
+    """Return smooth noise that repeats, in two channels: patches, and grain of a few texels."""
     rng, side = np.random.default_rng(NOISE_SEED), NOISE_TEXELS
     wave = np.fft.fftfreq(side)[:, None] ** 2 + np.fft.fftfreq(side) ** 2
     channels = []

@@ -14,12 +14,7 @@ from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
 from viewer.input.bindings import NAVIGATION, Drag
-from viewer.render.camera import (
-    TARGET_HALF_LIFE_S,
-    TARGET_HEIGHT_HALF_LIFE_S,
-    FollowCamera,
-    OrbitCamera,
-)
+from viewer.render.camera import TARGET_HALF_LIFE_S, TARGET_HEIGHT_HALF_LIFE_S, FollowCamera, OrbitCamera
 
 CHEST_HEIGHT_FRACTION = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
 ORBIT_PX_PER_S = 420.0  # what a full stick is worth in the orbit camera

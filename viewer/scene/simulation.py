@@ -145,7 +145,7 @@ class Simulation:
         return interpolate(self.previous, self.current, self._left_s / STEP_SECONDS)
 
     def _step(self, controls: Controls) -> Pose | None:
-        """One step of the model; a failure leaves the last good pose and sets `problem`."""
+        """Step the model once; a failure leaves the last good pose and sets `problem`."""
         controller = self.controller
         if controller is None:
             return None

@@ -171,7 +171,7 @@ class Sessions:
         self.earlier = [summary for summary in self.earlier if summary.path != path]
         more = f", and {file.unrecovered} under Lost takes" if file.unrecovered else ""
         recovered = f"Recovered: {count_takes(file.recovered)}{more}." if file.recovered else ""
-        wrong = [text for text in (said, recovered, file.repaired, self._unfinished(file)) if text]
+        wrong = list(filter(None, (said, recovered, file.repaired, self._unfinished(file))))
         text = said or f"{self.name}: {count_takes(len(history.present.session.takes))}."
         (self.messages.warn if wrong else self.messages.note)(" ".join(dict.fromkeys([text, *wrong])))
 
@@ -431,7 +431,6 @@ class Sessions:
 
 
 def _places(view: dict[str, Any]) -> dict[str, float]:
-    """Return the numbers of a view, within their limits."""
     return {
         name: min(max(float(view[name]), low), high)
         for name, (low, high) in PLACES.items()

@@ -415,7 +415,6 @@ class Takes:
             self.play(number or self.session.selected)
 
     def _played(self, act: Callable[[Playback], None]) -> None:
-        """Act on the take that plays, if any does."""
         if self.playback is not None:
             act(self.playback)
 
@@ -431,7 +430,6 @@ _ORDERS: dict[str, Callable[[Take], Any]] = {
 
 
 def _words(take: Take) -> str:
-    """Return what the search looks at."""
     return f"{take.title} {take.note} {'*' * take.rating} {_about(take.made.header)}".lower()
 
 

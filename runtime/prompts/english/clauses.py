@@ -60,14 +60,14 @@ def _plain(prompt: str) -> str:
 
 
 def _without_timing(match: Match) -> str:
-    """Nothing, or the end of the clause where another begins: "bouncing with each step, knees bent"."""
+    """Return nothing, or the end of the clause where another begins: "bouncing with each step, knees bent"."""
     if match["halts"]:
         return match.group()
     return "," if grammar()["clause_opening"].match(match.string, match.end() + 1) else ""
 
 
 def _without_idle_words(match: Match) -> str:
-    """ "His hands" of "his freshly washed hands": words before a part that no rule of it reads."""
+    """Return "his hands" of "his freshly washed hands", where no rule of the part reads the words before it."""
     rules = grammar()
     group = rules.groups[rules.group_of(match["noun"])]
     told = rules.sentence(group.actions, match["words"]) or rules["told"].search(match["words"])
@@ -92,7 +92,7 @@ def _take_back(parts: dict[str, str], found: dict[str, str]) -> None:
 
 
 def _parse_clause(clause: str, leg: str) -> tuple[dict[str, str], str]:
-    """Parts that a clause describes, and what of it does not; `leg` is the one that limps where none is named."""
+    """Return parts that a clause describes, and what of it does not; `leg` is the one that limps where none is named."""
     for name in ("noun_clause", "loose_clause"):
         noun = grammar()[name].match(clause)
         # "head teacher", "back pain" are nobody's head and back
@@ -114,7 +114,7 @@ def _parse_clause(clause: str, leg: str) -> tuple[dict[str, str], str]:
 
 
 def _verb_parts(clause: str) -> tuple[dict[str, str], str]:
-    """What a verb before a part's name says of it, and the clause up to there: "a zombie with raised arms"."""
+    """Return what a verb before a part's name says of it, and the clause up to there: "a zombie with raised arms"."""
     rules = grammar()
     verb = rules["verb_clause"].search(clause)
     if not verb:
@@ -128,7 +128,7 @@ def _verb_parts(clause: str) -> tuple[dict[str, str], str]:
 
 
 def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
-    """Descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
+    """Return descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
     rules = grammar()
     noun, owners = match["noun"], match["owners"].split()
     if rules["no_clause"].search(match["rest"].strip()):  # "hand in hand"
@@ -146,7 +146,7 @@ def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
 
 
 def _denial(match: Match) -> str:
-    """The denial among the owners of a part and the three words before them: "never" of "never moving the arms"."""
+    """Return the denial among the owners of a part and the three words before them: "never" of "never moving the arms"."""
     before = match.string[: match.start(2) if match.re.groups > 1 else 0].split()[-3:]
     denial = grammar()["denies"].search(" ".join([*before, match["owners"]]))
     return f"{denial.group()} " if denial else ""
@@ -163,7 +163,7 @@ def _phrase_parts(match: Match, target: str, looked_up: str, leg: str) -> dict[s
 
 
 def _described(group: str, sides: tuple[str, ...], words: str) -> dict[str, str]:
-    """The trained sentences for an action of a group's parts, or {} when no rule knows it."""
+    """Return the trained sentences for an action of a group's parts, or {} when no rule knows it."""
     rules = grammar()
     found = rules.groups[group]
     if rules["denies"].search(words):

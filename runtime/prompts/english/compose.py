@@ -54,7 +54,7 @@ def compose_elements(
     neutral: int,
     worth: Worth,
 ) -> dict[str, int]:
-    """The entry that each part's words come from: figures, moods, loads and grounds on one body.
+    """Return the entry that each part's words come from: figures, moods, loads and grounds on one body.
 
     Each part is of the strongest entry that defines it.
 
@@ -76,7 +76,7 @@ def compose_elements(
 def pace_as_stated(
     elements: Sequence[Element], read: Sequence[Element], entries: tuple[LibraryEntry, ...]
 ) -> tuple[list[Element], dict[str, str]]:
-    """The elements without what was `read` of a pace alone, where another says how legs go; and what it states of them."""
+    """Return the elements without what was `read` of a pace alone, where another says how legs go; and what it states of them."""
     paces = [e for e in read if _PACE_ALONE.search(entries[e.entry].descriptions.left_leg)]
     others = [e for e in elements if e not in paces]
     if not paces or not any("left_leg" in entries[e.entry].defines for e in others if not e.only):
@@ -86,7 +86,7 @@ def pace_as_stated(
 
 
 def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[str, str]:
-    """What a prompt states of parts, with what its figure does that agrees: turned-out feet that trudge, swaying in a lean."""
+    """Return what a prompt states of parts, and what of its figure agrees with it: turned-out feet that trudge."""
     return {part: _with_figure(part, words, figure[part]) for part, words in stated.items()}
 
 
@@ -98,7 +98,7 @@ def _with_figure(part: str, words: str, figure: str) -> str:
 
 
 def _agreeing(part: str, words: str, figure: str) -> list[str]:
-    """The clauses of a figure's sentence of a part that leave what is stated of it as it is."""
+    """Return the clauses of a figure's sentence of a part that leave what is stated of it as it is."""
     clauses = figure.split(", ")
     if part == "torso":
         swaying = [c for c in clauses if _SWAYS.search(c) and "lean" not in c]
@@ -113,11 +113,12 @@ def _agreeing_of_leg(part: str, words: str, clauses: Sequence[str]) -> list[str]
     asked = targets.keys() - {PACE}
     shown = {c: targets_of(part, c).keys() - {PACE} for c in clauses}  # by an edit, beside its speed
     free = [c for c in clauses if shown[c].isdisjoint(asked)]
+    by_edits = list(filter(shown.get, free))
     narrow = targets.get("outward", (USUAL_OUTWARD_M,))[0] < USUAL_OUTWARD_M
-    if narrow and not any(shown[c] for c in free[:1]):
+    if narrow and by_edits[:1] != free[:1]:
         return []  # on a line feet keep their balance in plain steps, if they do not shuffle or the like
     if _OF_STEPS.search(words):
-        return [c for c in free if shown[c] and not _OF_STEPS.search(c)][:1]
+        return [c for c in by_edits if not _OF_STEPS.search(c)][:1]
     return _agreeing_in_pace(words, asked, free)
 
 
@@ -137,7 +138,7 @@ def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutr
 def _modified(
     modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], worth: Worth
 ) -> dict[str, int]:
-    """For each part that moods, loads and the like define, the strongest of them."""
+    """Return for each part that moods, loads and the like define the strongest of them."""
     strongest = {}
     for part in PART_NAMES:
         telling = [e for e in modifiers if part in entries[e.entry].defines]
@@ -176,7 +177,7 @@ def _of_figures(
 def _figure_parts(
     figures: Sequence[Element], entries: tuple[LibraryEntry, ...], embeddings: LibraryEmbeddings, neutral: int
 ) -> dict[str, int]:
-    """Which of the figures moves each part: the two strongest divide arms, legs, torso and head by what is unusual."""
+    """Return which of the figures moves each part: the two strongest divide arms, legs, torso and head by what is unusual."""
     ranked = sorted(figures, key=lambda e: -_figure_strength(e, entries))
     sources = dict.fromkeys(PART_NAMES, ranked[0].entry)
     others = [e for e in ranked if e.entry != ranked[0].entry]
@@ -201,7 +202,7 @@ def _figure_parts(
 def compose_neighbours(
     ranked: Sequence[tuple[int, float]], embeddings: LibraryEmbeddings, worth: Worth
 ) -> dict[str, int]:
-    """For each part the neighbour whose words the neighbours (entry, similarity) agree on most, weighted by similarity and worth.
+    """Return for each part the neighbour (entry, similarity) whose words the neighbours agree on most, weighted by similarity and worth.
 
     Both arms, and both legs, are those of one neighbour: they move against each other.
     """
@@ -222,7 +223,7 @@ def compose_neighbours(
 def sources_note(
     sources: dict[str, int], entries: tuple[LibraryEntry, ...], similarity: dict[int, float]
 ) -> str:
-    """Which parts come from which entry: "arms, legs: “robot” (100%); torso, head: “depressed person” (96%)"."""
+    """Return which parts come from which entry: "arms, legs: “robot” (100%); torso, head: “depressed person” (96%)"."""
     words = []
     for entry in dict.fromkeys(sources.values()):
         parts = [part for part in PART_NAMES if sources[part] == entry]
@@ -235,13 +236,13 @@ def sources_note(
 
 
 def softmax(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Softmax over the last axis."""
+    """Return the softmax over the last axis."""
     e = np.exp(x - x.max(axis=-1, keepdims=True))
     return np.asarray(e / e.sum(axis=-1, keepdims=True), np.float32)
 
 
 def _without_mentioned(elements: Sequence[Element], entries: tuple[LibraryEntry, ...]) -> list[Element]:
-    """The elements without figures that are only mentioned: a second one counts when compared or joined with."""
+    """Return the elements without figures that are only mentioned: a second one counts when compared or joined with."""
     chosen: list[Element] = []
     figures = 0
     for element in elements:
@@ -263,12 +264,12 @@ def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> flo
 
 
 def words_of_parts(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:
-    """Six descriptions, each of the entry of its part."""
+    """Return six descriptions, each of the entry of its part."""
     return PartDescriptions(**{part: getattr(entries[i].descriptions, part) for part, i in sources.items()})
 
 
 def entry_side(entry: LibraryEntry) -> str:
-    """The side on which an entry does what makes it so, "" where both sides do the like.
+    """Return the side on which an entry does what makes it so, "" where both sides do the like.
 
     Its name says it ("limping on the left leg"), else the one leg that it defines, else the limb that is not idle.
     """
@@ -281,22 +282,22 @@ def entry_side(entry: LibraryEntry) -> str:
 
 
 def is_idle(arm: str) -> bool:
-    """Whether an arm only hangs or swings by its sentence."""
+    """Return whether an arm only hangs or swings by its sentence."""
     return _IDLE_ARM.search(arm) is not None
 
 
 def lame_leg(said: Mapping[str, str]) -> str:
-    """The side of the one leg that limps, drags, hops or is stiff by the descriptions of some parts, "" for none and for both."""
+    """Return the side of the only leg that limps, drags, hops or is stiff by some descriptions, else ""."""
     return only_side(side for side in OPPOSITE if _BUSY_LEG.search(said.get(f"{side}_leg", "")))
 
 
 def lame_on(entry: LibraryEntry, side: str) -> LibraryEntry:
-    """The entry, mirrored if it is lame on the other side: a pirate who drags the left leg has no wooden right one."""
+    """Return the entry, mirrored if it is lame on the other side: a pirate who drags the left leg has no wooden right one."""
     return on_side(entry, side) if lame_leg(entry.descriptions.to_mapping()) else entry
 
 
 def on_side(entry: LibraryEntry, side: str) -> LibraryEntry:
-    """The entry with its descriptions mirrored if it is one of the other side."""
+    """Return the entry with its descriptions mirrored if it is one of the other side."""
     own = entry_side(entry)
     if not side or not own or own == side:
         return entry

@@ -47,22 +47,22 @@ class Grammar:
         self._found: dict[str, re.Pattern[str]] = {}
 
     def __getitem__(self, name: str) -> re.Pattern[str]:
-        """A pattern by its name, compiled at first use."""
+        """Return a pattern by its name, compiled at first use."""
         if name not in self._found:
             self._found[name] = self._compiled(self._patterns[name.upper()])
         return self._found[name]
 
     def said(self) -> set[str]:
-        """Every sentence that a rule gives, with {s} for the side."""
+        """Return every sentence that a rule gives, with {s} for the side."""
         rules = (rule for group in self.groups.values() for rule in (*group.actions, *group.denied))
         return {text for _, said in rules for text in ([said] if isinstance(said, str) else said)}
 
     def group_of(self, noun: str) -> str:
-        """The name of the group that a noun belongs to."""
+        """Return the name of the group that a noun belongs to."""
         return next(name for name, group in self.groups.items() if group.nouns.fullmatch(noun))
 
     def sentence(self, rules: Rules, words: str) -> str | None:
-        """The sentence of the rule with the longest match, in the degree that the words give it."""
+        """Return the sentence of the rule with the longest match, in the degree that the words give it."""
         found = [(*_rank(match), said) for pattern, said in rules for match in pattern.finditer(words)]
         said = max(found, key=lambda one: one[:-1])[-1] if found else None
         if said is None or isinstance(said, str):
@@ -79,7 +79,7 @@ class Grammar:
         return tuple((self._compiled(pattern), self._named(said)) for pattern, said in rules)
 
     def _named(self, said: Any) -> Any:
-        """Sentences in place of their names; a sentence without a name is its own."""
+        """Return sentences in place of their names; a sentence without a name is its own."""
         return self._sentences.get(said, said) if isinstance(said, str) else tuple(map(self._named, said))
 
     def _compiled(self, pattern: str) -> re.Pattern[str]:
@@ -91,7 +91,7 @@ class Grammar:
 
 @cache
 def grammar() -> Grammar:
-    """The shipped rules; FileError when their file is damaged."""
+    """Return the shipped rules; FileError when their file is damaged."""
     path = asset_path("prompts/clauses.toml")
     try:
         return Grammar(tomllib.loads(path.read_text("utf-8")))
@@ -103,7 +103,7 @@ def grammar() -> Grammar:
 def replaced(
     text: str, rules: Iterable[tuple[re.Pattern[str], Any]], words: Callable[[Match, Any], str | None]
 ) -> str:
-    """A text with `words` in place of what the rules match, None for nothing; of matches that overlap the longest.
+    """Return a text with `words` in place of what the rules match, None for nothing; of matches that overlap the longest.
 
     A group named "start" is context: it is matched and stays.
     """
@@ -126,11 +126,11 @@ def _start(match: Match) -> int:
 
 
 def _rank(match: Match) -> tuple[int, int, int, str]:
-    """Longer matches first, then earlier ones; then the longer pattern, so that the order of rules never counts."""
+    """Return what orders matches: longer ones first, then earlier ones, then those of the longer pattern."""
     start = _start(match)
     return match.end() - start, -start, len(match.re.pattern), match.re.pattern
 
 
 def _joined(pattern: str) -> str:
-    """A pattern without the line ends at which the file wraps it."""
+    """Return a pattern without the line ends at which the file wraps it."""
     return re.sub(r"\n *", "", f"\n{pattern}")

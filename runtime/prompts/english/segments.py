@@ -12,7 +12,7 @@ from runtime.prompts.english.grammar import Match, grammar
 
 
 def with_commas(text: str) -> str:
-    """A lower-case prompt with a comma before every clause about a part or a way of stepping."""
+    """Return a lower-case prompt with a comma before every clause about a part or a way of stepping."""
     rules = grammar()
     starts = [0]
     for match in rules["clause_opening"].finditer(text):
@@ -30,7 +30,7 @@ def _last_comma(text: str, end: int) -> int:
 
 
 def _opens(before: str, match: Match) -> int | None:
-    """Where in `before`, the words of the clause up to a possible opening, a new one begins; None where none does."""
+    """Return where in `before`, the words of the clause up to a possible opening, a new one begins; None where none does."""
     rules = grammar()
     degree = rules["degree_at_end"].search(before)
     if degree and match["subject"] is None:  # "arms crossed | slightly leaning"
@@ -46,7 +46,7 @@ def _opens(before: str, match: Match) -> int | None:
 
 
 def _before_keeping(before: str, words: list[str]) -> int | None:
-    """The same before a verb that keeps a part: "surgeon | holding his hands"."""
+    """Return where a clause opens before a verb that keeps a part: "surgeon | holding his hands"."""
     rules, (*earlier, verb) = grammar(), words
     before = before.rstrip().removesuffix(verb)
     if not earlier or rules["noun_at_end"].search(before) or rules["no_opening_after"].fullmatch(earlier[-1]):
@@ -55,7 +55,7 @@ def _before_keeping(before: str, words: list[str]) -> int | None:
 
 
 def _before_posture(before: str, match: Match) -> int | None:
-    """The same where a posture, or what a part does, may open the clause."""
+    """Return where a clause opens with a posture, or with what a part does."""
     if match["posture"] is None and not grammar()["part"].search(before):
         return None
     noun = grammar()["noun_at_end"].search(before)
@@ -63,31 +63,32 @@ def _before_posture(before: str, match: Match) -> int | None:
 
 
 def _before_subject(before: str, words: list[str]) -> int | None:
-    """The same where a part with what it does may open the clause; `words` are those of `before`."""
+    """Return where a clause opens with a part and what it does; `words` are those of `before`."""
     rules = grammar()
-    last, spoken = words[-1], rules["part"].search(" ".join(words[:-1]))
-    verb, other_verb = rules["any_verb"].fullmatch(last), rules["other_verb"].fullmatch(last)
+    last = words[-1]
+    verb = rules["any_verb"].fullmatch(last)
     # "in the pockets |", "the limping left leg"
-    if len(words) > 1 and rules["attributive"].fullmatch(words[-2]):
+    if rules["attributive"].fullmatch("".join(words[-2:-1])):
         return None if verb or last.endswith("ing") else len(before)
     if rules["part"].fullmatch(last):
         return len(before)
     if rules["holding"].fullmatch(last):
         return None
-    if other_verb and not verb:
-        return _before_verb(before, words) if spoken else None
-    return len(before) if spoken or not verb else None
+    return _before_verb(before, words) if verb or rules["other_verb"].fullmatch(last) else len(before)
 
 
 def _before_verb(before: str, words: list[str]) -> int | None:
-    """The same where the last word opens the clause itself: "head up | sliding the feet along"."""
-    if len(words) < 2 or grammar()["part"].fullmatch(words[-2]):
+    """Return where a clause opens at a verb after a part: before an unusual one, as "head up | sliding the feet along"."""
+    rules, (*earlier, verb) = grammar(), words
+    if not rules["part"].search(" ".join(earlier)):
         return None
-    return len(before.rstrip()) - len(words[-1])
+    if rules["any_verb"].fullmatch(verb):
+        return len(before)
+    return None if rules["part"].fullmatch(earlier[-1]) else len(before.rstrip()) - len(verb)
 
 
 def _is_subject(before: str, noun: Match, match: Match) -> bool:
-    """Whether the part that `before` ends with does what follows: not "on the hip", and in "bent knees looking left" no knee."""
+    """Return whether the part that `before` ends with does what follows: no hip of "on the hip", no knee of "bent knees looking left"."""
     rules = grammar()
     earlier = before[: noun.start()].strip()
     if rules["object_before"].search(earlier):

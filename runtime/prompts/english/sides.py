@@ -25,7 +25,7 @@ _OWNERS = ("a", "his", "her", "their")  # of the left hand of a left-handed pers
 
 
 def name_sides(prompt: str) -> tuple[str, str]:
-    """A lower-case prompt with the side of each limb before its noun, and the side that it prefers ("left-handed"), or
+    """Return a lower-case prompt with the side of each limb before its noun, and the side that it prefers ("left-handed"), or
     that carries something, or "".
 
     A single limb of which nothing tells the side stays as it is; it is read as the right one.
@@ -43,7 +43,7 @@ def name_sides(prompt: str) -> tuple[str, str]:
 
 
 def _relation(match: Match, words: str, hand: str, sides: list[str]) -> str | None:
-    """The words that a relation stands for, with its side, the other side, and what else the pattern names."""
+    """Return the words that a relation stands for, with its side, the other side, and what else the pattern names."""
     values = {name: value or "" for name, value in match.groupdict().items()}
     side = values.get("side") or values.get("side_2") or hand
     if "{side}" in words and not side:
@@ -57,7 +57,7 @@ def _relation(match: Match, words: str, hand: str, sides: list[str]) -> str | No
 
 
 def _hands(values: dict[str, str]) -> str:
-    """The hand of a gesture: the one that is named, else that of the target's side (across from it on an arm)."""
+    """Return the hand of a gesture: the one that is named, else that of the target's side (across from it on an arm)."""
     named = values.get("side") in OPPOSITE  # "both eyes with the right hand"
     if values.get("side") == "both" or (values.get("both") and not named):
         return "both hands"
@@ -67,7 +67,7 @@ def _hands(values: dict[str, str]) -> str:
 
 
 def _hand_at(side: str, target: str) -> str:
-    """The hand that lies on a target of one side: the same one on a hip, the other one on an arm."""
+    """Return the hand that lies on a target of one side: the same one on a hip, the other one on an arm."""
     return OPPOSITE[side] if grammar()["other_side"].fullmatch(target) else side
 
 
@@ -82,7 +82,7 @@ class _Limbs:
         self._subject_end = 0  # of the clause whose subject was found
 
     def named(self) -> str:
-        """The text with the sides before the nouns."""
+        """Return the text with the sides before the nouns."""
         return grammar()["limb"].sub(self._replacement, self._text)
 
     def _replacement(self, match: Match) -> str:
@@ -93,12 +93,12 @@ class _Limbs:
         return self._limb(match) if match["noun"] else self._bare(match)
 
     def _that(self, match: Match) -> str:
-        """ "That shoulder" is of the side spoken of last."""
+        """Return the limb of "that shoulder", which is of the side spoken of last."""
         sides = [self._side] if self._spoken else SIDE.findall(self._text, 0, match.start())
         return f"the {sides[-1]} " if sides else match.group()
 
     def _bare(self, match: Match) -> str:
-        """A side without a noun is the limb's spoken of last: "her left hangs", "left down" after "right hand up"."""
+        """Return the limb of a side without a noun, the one spoken of last: "her left hangs", "left down" after "right hand up"."""
         bare = match["bare"]
         if bare:
             if match["whose"] in (None, "the ") and not (self._spoken and self._side != bare):
@@ -128,7 +128,7 @@ class _Limbs:
             self._noun = "foot" if noun == "feet" else noun
 
     def _side_meant(self, match: Match, owners: list[str], is_arm: bool) -> str:
-        """The side of a single limb without one: by its relation to another, by its place, or "" where nothing tells it."""
+        """Return the side of a limb that names none: by its relation to another, by its place, or "" where nothing tells it."""
         if {"other", "opposite"} & set(owners):
             return OPPOSITE[self._side]
         if "same" in owners:
@@ -146,12 +146,12 @@ class _Limbs:
         return self._side_of_place(match.end()) or hand or self._left_over(match.end(), is_arm)
 
     def _left_over(self, start: int, is_arm: bool) -> str:
-        """The side that a limb named with its side in a later clause leaves: "broken arm in a sling, right arm swinging"."""
+        """Return the side that a limb of a later clause leaves: "broken arm in a sling, right arm swinging"."""
         later = grammar()["later_arm" if is_arm else "later_leg"].findall(self._text, start)
         return "" if self._spoken else OPPOSITE.get(only_side(later), "")
 
     def _side_of_one(self, match: Match, is_arm: bool) -> str:
-        """The side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""
+        """Return the side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""
         after = match.end()
         if _EACH_OTHER.match(self._text, after):
             return ""
@@ -166,7 +166,7 @@ class _Limbs:
         return OPPOSITE[place] if place else hand or "right"
 
     def _side_of_place(self, start: int) -> str:
-        """The side of the hand that is where the words up to the clause's end say: left "on the left hip"."""
+        """Return the side of the hand that is where the words up to the clause's end say: left "on the left hip"."""
         end = self._end_of(grammar()["clause_end"].pattern, start)
         place = grammar()["place"].search(self._text[start:end])
         if place is None:
@@ -179,7 +179,7 @@ class _Limbs:
 
 
 def _with_side(match: Match, owners: list[str], side: str) -> str:
-    """The words of one limb with its side, "" for none, in place of "one", "other", "same" and the like."""
+    """Return the words of one limb with its side, "" for none, in place of "one", "other", "same" and the like."""
     said, dropped = match.groupdict(""), {*_RELATIVE, *OPPOSITE}
     if side and not said["plural"] and {*owners} & {*_RELATIVE} and not {"both", "two"} & {*owners}:
         dropped |= {"the", "a", "an"}
@@ -189,7 +189,7 @@ def _with_side(match: Match, owners: list[str], side: str) -> str:
 
 
 def named_side(text: str) -> str:
-    """The one side of a body that a text without articles names, "" for none and for both.
+    """Return the one side of a body that a text without articles names, "" for none and for both.
 
     It is named with a limb ("left foot", "foot left") or as "on left", "left side"; a direction is none.
     """
@@ -197,6 +197,6 @@ def named_side(text: str) -> str:
 
 
 def only_side(sides: Iterable[str]) -> str:
-    """The side that all of some are, "" where there is none or both."""
+    """Return the side that all of some are, "" where there is none or both."""
     named = set(sides)
     return named.pop() if len(named) == 1 else ""

@@ -56,7 +56,7 @@ class Spelling:
         self._right = self._known.union(others)
 
     def corrected(self, text: str) -> tuple[str, dict[str, str]]:
-        """The text with its typing errors corrected, and what was read as what."""
+        """Return the text with its typing errors corrected, and what was read as what."""
         read: dict[str, str] = {}
 
         def correct(match: re.Match[str]) -> str:
@@ -70,7 +70,7 @@ class Spelling:
         return re.sub(r"[^\W\d_]+(?:'[^\W\d_]+)?", correct, text), read
 
     def nearest(self, word: str) -> str | None:
-        """The known word that a lower-case word is one letter off, or None for what is no typing error."""
+        """Return the known word that a lower-case word is one letter off, or None for what is no typing error."""
         right = word in self._right or self._inflected(word)
         if right or len(word) < SHORTEST or not word.isascii():
             return None
@@ -79,7 +79,7 @@ class Spelling:
         return min(near, key=lambda known: (abs(len(known) - len(word)), known), default=None)
 
     def _inflected(self, word: str) -> bool:
-        """Whether a word is a known one with another ending."""
+        """Return whether a word is a known one with another ending."""
         endings = ("s", "es", "d", "ed", "ing", "ly", "er", "y", "ness", "ful", "less", "'s")
         stems = {word.removesuffix(ending) for ending in endings if word.endswith(ending)}
         return any(form in self._known for stem in stems for form in (stem, stem + "e", stem[:-1]))
@@ -100,7 +100,7 @@ def _shortened(word: str) -> set[str]:
 
 
 def _one_off(one: str, other: str) -> bool:
-    """Whether two words differ by one letter inserted, left out, changed or exchanged with its neighbour."""
+    """Return whether two words differ by one letter inserted, left out, changed or exchanged with its neighbour."""
     if len(one) != len(other):
         return abs(len(one) - len(other)) == 1
     different = [i for i, (a, b) in enumerate(zip(one, other, strict=True)) if a != b]
@@ -111,7 +111,7 @@ def _one_off(one: str, other: str) -> bool:
 
 
 def is_foreign(text: str, known: frozenset[str]) -> bool:
-    """Whether a prompt is in another script, or in another language for all that its words tell.
+    """Return whether a prompt is in another script, or in another language for all that its words tell.
 
     `known` are English words, the library's own.
     """
@@ -126,5 +126,5 @@ def is_foreign(text: str, known: frozenset[str]) -> bool:
 
 
 def knows_no_word(text: str, known: frozenset[str]) -> bool:
-    """Whether no word of a prompt is a known English one."""
+    """Return whether no word of a prompt is a known English one."""
     return (known | ENGLISH).isdisjoint(re.findall(r"[^\W\d_]+", text.lower()))

@@ -9,7 +9,7 @@ from functools import cache
 
 
 def word_set(text: str) -> frozenset[str]:
-    """The words of a text, as a set."""
+    """Return the words of a text, as a set."""
     return frozenset(text.split())
 
 
@@ -88,7 +88,7 @@ class Word:
 
 
 def words_of(text: str) -> list[Word]:
-    """The words of a prompt without articles; commas and full stops begin a new clause."""
+    """Return the words of a prompt without articles; commas and full stops begin a new clause."""
     clauses = re.split(r"[,.;:!?()\n]+", plain(text))
     return [
         Word(word, stem(word), number)
@@ -106,18 +106,18 @@ def plain(text: str) -> str:
 
 
 def plain_denials(text: str) -> str:
-    """ "The arms do not swing" as "the arms never swing", in which the order of words is that of "arms swing"."""
+    """Return "the arms never swing" for "the arms do not swing", whose order of words is that of "arms swing"."""
     return _PART_DOES_NOT.sub(r"\1 never", text.replace("’", "'"))
 
 
 def continuous(text: str) -> str:
-    """A lower-case prompt with verbs as the library has them: "trudging home" for "he trudges home"."""
+    """Return a lower-case prompt with verbs as the library has them: "trudging home" for "he trudges home"."""
     return _FINITE.sub(lambda found: finite_forms()[found[0]], text)
 
 
 @cache
 def finite_forms() -> dict[str, str]:
-    """ "trudge" and "trudges" to "trudging", of the verbs that the library has in that form."""
+    """Return the library's form "trudging" by "trudge" and by "trudges", of every verb that it has in that form."""
     forms: dict[str, str] = {}
     for verb in _VERBS.split():
         bare = verb[:-1] if verb.endswith("e") and not verb.endswith(("ee", "oe")) else verb
@@ -137,7 +137,7 @@ _FINITE = re.compile(
 
 @cache
 def stem(word: str) -> str:
-    """A word without plural or possessive s, in British spelling."""
+    """Return a word without plural or possessive s, in British spelling."""
     word = word.removesuffix("'s")
     word = _SPELLINGS.get(word, word)
     if len(word) > 4 and word.endswith("ies"):
@@ -148,15 +148,15 @@ def stem(word: str) -> str:
 
 
 def key(words: Sequence[Word]) -> str:
-    """Equal for two spellings of one phrase: stems without spaces."""
+    """Return the stems of a phrase without spaces, which are equal for two spellings of it."""
     return "".join(word.stem for word in words).replace("'", "")
 
 
 def without_person(words: Sequence[Word]) -> Sequence[Word]:
-    """A phrase less the one who does it: "walking calmly" of "someone walking calmly"."""
+    """Return a phrase less the one who does it: "walking calmly" of "someone walking calmly"."""
     return words[1:] if len(words) > 1 and words[0].text in _ANYBODY else words
 
 
 def distinct_words(texts: Sequence[str]) -> frozenset[str]:
-    """All words of some texts, articles too."""
+    """Return all words of some texts, articles too."""
     return frozenset(_WORD.findall(plain(" . ".join(texts))))

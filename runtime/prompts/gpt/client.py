@@ -73,7 +73,7 @@ class ChatClient:
         until: float,
         stop: threading.Event,
     ) -> str:
-        """The text of the model's answer, with retries after failures that may pass, until `time.monotonic()` is `until`.
+        """Return the text of the model's answer, with retries after failures that may pass, until `time.monotonic()` is `until`.
 
         EndpointError says why there is none, PromptCancelledError that `stop` was set meanwhile.
         """
@@ -102,7 +102,7 @@ class ChatClient:
         raise AssertionError("the last attempt returns or raises")
 
     def _within(self, call: Callable[[], str], seconds: float, stop: threading.Event) -> str:
-        """Result of `call` in a thread of its own, left to itself after `seconds` (TimeoutError) or at `stop`.
+        """Return result of `call` in a thread of its own, left to itself after `seconds` (TimeoutError) or at `stop`.
 
         A socket that waits cannot be interrupted from outside; its own time-out ends the thread soon after.
         """
@@ -185,7 +185,7 @@ class ChatClient:
         return self._error(f"cannot be reached ({reason}).", f"Check {URL} and the network.", retry=True)
 
     def _refusal(self, error: Any) -> EndpointError:
-        """What a status other than 200 means; `error` is an openai.APIStatusError."""
+        """Return what a status other than 200 means; `error` is an openai.APIStatusError."""
         status = int(error.status_code)
         body = error.body if isinstance(error.body, dict) else {}
         said = self._clean(body.get("message") or error.message)
@@ -205,14 +205,14 @@ class ChatClient:
         return self._error(f"refuses the request ({status}: {said}).", f"Check {MODEL}.", status=status)
 
     def _clean(self, text: object, limit: int = 160) -> str:
-        """Foreign text for a message: without the key, on one line, shortened."""
+        """Return foreign text for a message: without the key, on one line, shortened."""
         line = " ".join(self._settings.api_key.hide_in(str(text)).split())
         line = re.sub(r"\bsk-[\w*-]+|//[^/@\s]*@", "***", line)
         return line if len(line) <= limit else line[: limit - 1] + "…"
 
 
 def retry_after(headers: Any) -> float | None:
-    """Seconds that an answer's headers ask to wait, given as seconds or as a date; None when they ask nothing usable."""
+    """Return seconds that an answer's headers ask to wait, given as seconds or as a date; None when they ask nothing usable."""
     for name, unit in (("retry-after-ms", 1e-3), ("retry-after", 1.0)):
         try:
             seconds = float(headers.get(name, "")) * unit
@@ -239,7 +239,7 @@ class Waiting(threading.local):
 
 
 def bounded_client(waiting: Waiting) -> Any:
-    """A client for `openai.OpenAI(http_client=...)`, with that library's own defaults; `waiting` bounds each request."""
+    """Return a client for `openai.OpenAI(http_client=...)`, with that library's own defaults; `waiting` bounds each request."""
     from openai import DefaultHttpxClient
 
     class BoundedClient(DefaultHttpxClient):  # of httpx or httpx2, as the library has it
@@ -256,7 +256,7 @@ def bounded_client(waiting: Waiting) -> Any:
 
 
 def _whole(response: Any, waiting: Waiting) -> Any:
-    """The same response with its whole body; AnswerError or TimeoutError where it goes on, or elsewhere."""
+    """Return the same response with its whole body; AnswerError or TimeoutError where it goes on, or elsewhere."""
     if response.next_request is not None:
         url = response.next_request.url
         # without a name, a password or a query

@@ -54,7 +54,7 @@ class GptExpander:
         self._last_failure: EndpointError | None = None
 
     def expand(self, prompt: str, stop: threading.Event | None = None) -> Expansion:
-        """Descriptions by the language model, with source "gpt"; from the cache when it was sent before.
+        """Return descriptions by the language model, with source "gpt"; from the cache when it was sent before.
 
         PromptError when the prompt cannot be used, when the model gives no usable answer even after one repair, or as
         PromptCancelledError when `stop` is set meanwhile. UsageError when it is not configured.
@@ -77,7 +77,7 @@ class GptExpander:
         return Expansion(descriptions, "gpt")
 
     def stored(self, prompt: str) -> Expansion | None:
-        """The answer of an earlier time, without asking; None when there is none or nothing is configured."""
+        """Return the answer of an earlier time, without asking; None when there is none or nothing is configured."""
         try:
             descriptions = self._cache.get(check_prompt(prompt))
         except UsageError:  # the first `expand` says what is wrong with the settings
@@ -123,7 +123,7 @@ class GptExpander:
             ) from reason
 
     def _complete(self, messages: list[Message], until: float, stop: threading.Event) -> str:
-        """The model's answer, with a schema if the endpoint takes one."""
+        """Return the model's answer, with a schema if the endpoint takes one."""
         if not self._schema_refused:
             try:
                 return self._client.complete(messages, answer_schema(), until, stop)
@@ -155,7 +155,7 @@ class GptExpander:
 
 
 def cache_directory(environment: Mapping[str, str] | None = None) -> Path:
-    """$SPORT_CACHE_DIR, else $XDG_CACHE_HOME/sport-viewer, else ~/.cache/sport-viewer."""
+    """Return $SPORT_CACHE_DIR, else $XDG_CACHE_HOME/sport-viewer, else ~/.cache/sport-viewer."""
     env = os.environ if environment is None else environment
     if env.get("SPORT_CACHE_DIR"):
         return Path(env["SPORT_CACHE_DIR"])
@@ -176,7 +176,7 @@ class AnswerCache:
     version: str
 
     def get(self, prompt: str) -> PartDescriptions | None:
-        """The stored answer, or None."""
+        """Return the stored answer, or None."""
         path = self._path(prompt)
         try:
             value = parse_json(read_bounded(path, MAX_BYTES))
@@ -225,12 +225,12 @@ class FallbackExpander:
         self._secondary = secondary
 
     def expand(self, prompt: str) -> Expansion:
-        """Descriptions of whichever answers; PromptError when the prompt itself cannot be used or was withdrawn."""
+        """Return descriptions of whichever answers; PromptError when the prompt itself cannot be used or was withdrawn."""
         *_, (expansion, _) = self.steps(prompt, threading.Event())
         return expansion
 
     def steps(self, prompt: str, stop: threading.Event) -> Iterator[tuple[Expansion, bool]]:
-        """The library's answer at once and the language model's when it comes: (expansion, whether it is final).
+        """Yield the library's answer at once and the language model's when it comes: (expansion, whether it is final).
 
         What the language model has answered before is there at once. PromptCancelledError soon after `stop` is set.
         """
@@ -253,7 +253,7 @@ class FallbackExpander:
 
 
 def open_expander(library: Expander, settings: GptSettings) -> FallbackExpander:
-    """The language model of `settings` with the library behind it.
+    """Return the language model of `settings` with the library behind it.
 
     Takes some tenths of a second, for its imports: call it in a worker thread.
     """

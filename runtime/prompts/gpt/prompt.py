@@ -54,7 +54,7 @@ class StructuredPrompt:
     examples: tuple[tuple[str, PartDescriptions], ...]
 
     def messages(self, prompt: str) -> list[Message]:
-        """Specification, examples and the question about `prompt`."""
+        """Return specification, examples and the question about `prompt`."""
         messages = [{"role": "system", "content": self.specification}]
         for asked, answer in self.examples:
             messages.append({"role": "user", "content": question(asked)})
@@ -74,7 +74,7 @@ class StructuredPrompt:
         return hashlib.sha256(request.encode("utf-8")).hexdigest()[:16]
 
     def read(self, answer: str) -> PartDescriptions:
-        """The six descriptions of a model's answer; PromptError says what is wrong with it, as the model reads it."""
+        """Return the six descriptions of a model's answer; PromptError says what is wrong with it, as the model reads it."""
         descriptions = PartDescriptions.from_mapping(_object(answer))
         known = self._known
         words = re.findall(r"[^\W\d_]+", " ".join(descriptions.as_tuple()).lower())
@@ -88,7 +88,7 @@ class StructuredPrompt:
 
 
 def question(prompt: str) -> str:
-    """The paper's question; the prompt as a JSON string, so that its end cannot be mistaken."""
+    """Return the paper's question; the prompt as a JSON string, so that its end cannot be mistaken."""
     asked = json.dumps(prompt, ensure_ascii=False)
     return (
         f"Describe the style or action {asked} into six body parts "
@@ -97,7 +97,7 @@ def question(prompt: str) -> str:
 
 
 def repair_messages(answer: str, reason: str) -> list[Message]:
-    """What is said after an answer that cannot be used."""
+    """Return what is said after an answer that cannot be used."""
     return [
         {"role": "assistant", "content": answer[:MAX_ANSWER_CHARACTERS]},
         {
@@ -109,7 +109,7 @@ def repair_messages(answer: str, reason: str) -> list[Message]:
 
 
 def answer_schema() -> dict[str, Any]:
-    """The `response_format` of an answer: an object of exactly six strings."""
+    """Return the `response_format` of an answer: an object of exactly six strings."""
     part = {"type": "string", "description": "what this body part does, 5 to 20 English words"}
     schema = {
         "type": "object",
@@ -124,7 +124,7 @@ def answer_schema() -> dict[str, Any]:
 
 
 def _object(answer: str) -> dict[str, Any]:
-    """The JSON object of an answer, in a code fence or after a model's thoughts if need be."""
+    """Return the JSON object of an answer, in a code fence or after a model's thoughts if need be."""
     if len(answer) > MAX_ANSWER_CHARACTERS:
         raise PromptError(f"it has {len(answer)} characters, at most {MAX_ANSWER_CHARACTERS} are read.")
     text = re.sub(r"<think>.*?</think>", "", answer, flags=re.DOTALL)
@@ -157,7 +157,7 @@ def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:
 
 
 def _examples(values: list[Mapping[str, str]], path: Path) -> tuple[tuple[str, PartDescriptions], ...]:
-    """(question, answer) of `{"style": key}` or `{"library": prompt}`; "ask" words the question differently."""
+    """Return (question, answer) of `{"style": key}` or `{"library": prompt}`; "ask" words the question differently."""
     styles = load_styles(path.with_name("styles.json"))
     entries = {e.prompt: e.descriptions for e in load_library(path.with_name("library.json"), styles).entries}
     examples = []

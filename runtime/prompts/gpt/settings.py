@@ -28,11 +28,11 @@ class Secret:
         self._value = value.strip()
 
     def reveal(self) -> str:
-        """The key itself, for the request's header and nothing else."""
+        """Return the key itself, for the request's header and nothing else."""
         return self._value
 
     def hide_in(self, text: str) -> str:
-        """`text` with the key replaced by asterisks."""
+        """Return `text` with the key replaced by asterisks."""
         return text.replace(self._value, HIDDEN) if self._value else text
 
     def __bool__(self) -> bool:
@@ -88,7 +88,7 @@ class GptSettings:
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> GptSettings:
-        """Settings from OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL and SPORT_GPT_TIMEOUT (seconds).
+        """Return settings from OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL and SPORT_GPT_TIMEOUT (seconds).
 
         UsageError when neither key nor base URL is set, or when one of the four cannot be used.
         """
@@ -116,7 +116,7 @@ class GptSettings:
         key: str = "",
         environment: Mapping[str, str] | None = None,
     ) -> GptSettings:
-        """Settings that a person chose; what is empty comes from the environment.
+        """Return settings that a person chose; what is empty comes from the environment.
 
         A key of the environment goes to no other address than the environment's. UsageError when there is neither a key
         nor an address, or when a value cannot be used.
@@ -144,13 +144,13 @@ class GptSettings:
 
 
 def gpt_configured(environment: Mapping[str, str] | None = None) -> bool:
-    """Whether the environment names a key or an endpoint."""
+    """Return whether the environment names a key or an endpoint."""
     env = os.environ if environment is None else environment
     return bool(env.get(KEY, "").strip() or env.get(URL, "").strip())
 
 
 def has_credentials(url: str) -> bool:
-    """Whether an address may carry a key or a password (user@host, or a query), so that it must not be written."""
+    """Return whether an address may carry a key or a password (user@host, or a query), so that it must not be written."""
     try:
         parts = urlsplit(url.strip())
     except ValueError:  # brackets that do not close

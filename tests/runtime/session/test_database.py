@@ -25,7 +25,7 @@ from runtime.errors import FileError
 from runtime.session.database import Database
 from runtime.session.renewal import Renewal
 from runtime.session.sqlite_file import FileInUse, file_errors, lock_of, side_files
-from runtime.session.writer import Writer
+from runtime.session.stored_rows import Writer
 
 RIGHTS = "-dac_override,-dac_read_search,-fowner"  # of root, to whom nothing is denied
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0

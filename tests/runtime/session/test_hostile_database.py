@@ -17,8 +17,8 @@ import pytest
 from runtime.errors import FileError
 from runtime.session.database import Database
 from runtime.session.sqlite_file import kept_aside, lock_of, side_files
+from runtime.session.stored_rows import Writer
 from runtime.session.tables import SCHEMA_VERSION, TABLES, create, version_of
-from runtime.session.writer import Writer
 from tests.helpers.counting import bounded
 from tests.helpers.full_session import packed_zeros, reseal
 from tests.runtime.session.test_database import content

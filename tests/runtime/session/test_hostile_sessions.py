@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 from runtime.errors import FileError, SportError
-from runtime.session.recovery import INPUT
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import unwritten_files
+from runtime.session.tables import INPUT
 from runtime.session.unwritten import keep
 from tests.helpers.counting import bounded
 from tests.helpers.full_session import full_session, history_of, packed_zeros, reseal, written

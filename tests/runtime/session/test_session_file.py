@@ -414,7 +414,7 @@ def test_a_transaction_that_is_rolled_back_is_written_again_whole(
         if broken[0]:
             raise OSError(28, "No space left on device")
 
-    from runtime.session.writer import Writer
+    from runtime.session.stored_rows import Writer
 
     real, original = Database._keep_there, Writer.put_step
     monkeypatch.setattr(Writer, "put_step", work)

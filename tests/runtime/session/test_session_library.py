@@ -14,7 +14,7 @@ import pytest
 from runtime.assets import PROJECT_ROOT
 from runtime.session.database import Database
 from runtime.session.library import find, keep_newest, new_path, remove
-from runtime.session.writer import Writer
+from runtime.session.stored_rows import Writer
 
 
 def untitled(folder: Path, work: Callable[[Writer], None] | None = None, close: bool = True) -> Database:

@@ -14,7 +14,7 @@ from runtime.terrain.height_map import Terrain
 from tests.helpers.app_driver import Start, click_on, run
 from tests.helpers.walker import walk
 from tests.viewer.edit.test_timeline import record, seek
-from viewer.edit.ghosts import JOINTS, Trails, ghosts, speeds
+from viewer.edit.view_overlays import JOINTS, Trails, ghosts, speeds
 from viewer.render.marks import trail_strokes
 from viewer.session.playback import Playback
 

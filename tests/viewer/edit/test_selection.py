@@ -13,8 +13,8 @@ from tests.helpers import hand
 from tests.helpers.app_driver import click, click_on, drag, place, press, record, run, seek, titles
 from tests.helpers.full_session import text_of
 from viewer.app import App
-from viewer.edit.items import Item
 from viewer.edit.selection import Selection
+from viewer.edit.tracks import Item
 
 FRAMES = 120
 TRACKS = {

@@ -144,3 +144,18 @@ def test_a_film_goes_on_without_its_window_and_is_cancelled_in_the_status_line(
     run_until(app, lambda: not app.exporting.busy)
     assert message(app) == "The export of Take 1 was cancelled."
     assert not any("Writing" in text for text in texts(app))
+
+
+@pytest.mark.parametrize("typed", ["", "/"])
+def test_a_field_without_a_name_gets_one_with_another_format(
+    start: Start, tmp_path: Path, typed: str
+) -> None:
+    app = start(services=REAL)
+    app.settings.export_folder = str(tmp_path)
+    run(app, FRAMES)
+    app.takes.save_last()
+    app.exporting.open()
+    app.exporting.path = typed
+    app.exporting.choose_format(".bvh")
+    assert Path(app.exporting.path).parent == tmp_path
+    assert app.exporting.path.endswith(".bvh")

@@ -200,12 +200,13 @@ class StrideBalance:
 
     def _follow_mass(self, place: Array, velocity: Array, path: Array) -> Array:
         """Follow the centre of mass `(N, 2)`; return by how far the hips are moved for it to move evenly."""
-        expected = self.mass_place + DT * self.mass_velocity
+        speed = self.mass_velocity + velocity - self.window[:, -1, _VELOCITY]  # a change of the plan is no shaking
+        expected = self.mass_place + DT * speed
         away = place - expected
         lost = (np.abs(away).max(-1) > MAX_TRACKING_ERROR_M) | ~path.any(-1)
         away_along_across = _to_path(away, path)
         followed = expected + _from_path(_PLACE_GAINS * away_along_across, path)
-        changed = self.mass_velocity + _from_path(_SPEED_GAINS * away_along_across, path)
+        changed = speed + _from_path(_SPEED_GAINS * away_along_across, path)
         self.mass_place = np.where(lost[:, None], place, followed)
         self.mass_velocity = np.where(lost[:, None], velocity, changed)
         return _limited((self.mass_place - place) / MASS_SHIFT, MAX_SMOOTHING_M)

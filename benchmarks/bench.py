@@ -294,11 +294,12 @@ def _start_times(model: Path | None) -> dict[str, float | None]:
         # modules are compiled once, as for whoever starts the program a second time
         compiled = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         compiled["PYTHONPYCACHEPREFIX"] = str(folder)
+        compiled["SPORT_CONFIG_DIR"] = str(folder / "config")  # what it records is nobody's
         for _ in range(2):
             begin = str(time.monotonic())
             shown = _run([sys.executable, "-c", _START, begin, *named], compiled)
     first, moves, quits = map(float, shown.split()[-3:])
-    memory = peak_memory_mb([*command, *(["--model", *named] if named else [])])
+        memory = peak_memory_mb([*command, *(["--model", *named] if named else [])], compiled)
     return {"first_frame_s": first, "moves_s": moves, "quit_s": quits, "rss_mb": memory}
 
 
@@ -312,11 +313,11 @@ sys.exit(code)
 """
 
 
-def peak_memory_mb(command: list[str]) -> float | None:
+def peak_memory_mb(command: list[str], environment: dict[str, str] | None = None) -> float | None:
     """Most memory that `command` held, in MB; None where the system does not tell (Windows). SportError when it fails."""
     if importlib.util.find_spec("resource") is None:
         return None
-    peak = float(_run([sys.executable, "-c", _MEASURE, *command]))
+    peak = float(_run([sys.executable, "-c", _MEASURE, *command], environment))
     return peak / (1 << 20) if sys.platform == "darwin" else peak / 1024
 
 

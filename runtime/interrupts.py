@@ -149,8 +149,9 @@ def _end_late(code: int) -> None:
 
 def end_children() -> None:
     """Kill the processes that `multiprocessing` has started here."""
-    multiprocessing = sys.modules.get("multiprocessing")
-    for process in () if multiprocessing is None else multiprocessing.active_children():
+    # a module that is being imported has nothing yet
+    active_children = getattr(sys.modules.get("multiprocessing"), "active_children", tuple)
+    for process in active_children():
         process.kill()
 
 
@@ -176,18 +177,27 @@ def signals_kept_from_children() -> Iterator[None]:
 def run_child(
     command: Sequence[str], timeout: float | None = None, env: Mapping[str, str] | None = None
 ) -> CompletedProcess[str]:
-    """Run a program to its end and return its code and output; it is killed after `timeout` seconds or with this process.
+    """Run a program to its end and return its code and output.
 
+    It is killed after `timeout` seconds or with this process, and what it has started with it.
     subprocess.TimeoutExpired, OSError.
     """
     from subprocess import PIPE, CompletedProcess, Popen
 
-    with Popen(command, stdout=PIPE, stderr=PIPE, text=True, errors="replace", env=env) as child:
-        undo_when_ended(child, child.kill)
+    with Popen(
+        command, stdout=PIPE, stderr=PIPE, text=True, errors="replace", env=env, start_new_session=True
+    ) as child:
+
+        def kill() -> None:
+            if child.poll() is None and hasattr(os, "killpg"):
+                os.killpg(child.pid, signal.SIGKILL)
+            child.kill()
+
+        undo_when_ended(child, kill)
         try:
             out, err = child.communicate(timeout=timeout)
         finally:
-            child.kill()
+            kill()
             forget(child)
     return CompletedProcess(command, child.returncode, out, err)
 

@@ -21,10 +21,19 @@ def make_inputs(folder: Path) -> Path:
     folder.mkdir()
     from runtime.formats.bvh_clip import save_bvh
     from runtime.takes.clip import Clip
+    from tests.helpers.synthetic_clips import save_motion
     from tests.helpers.walker import walk
 
     for name, seconds in (("take", 2), ("long", 20)):
         save_bvh(Clip(name, 60.0, *walk(60 * seconds)), folder / f"{name}.bvh")
+    capture = folder / "capture"
+    capture.mkdir()
+    for style, pace in (("neutral", 1.0), ("old", 0.5)):
+        for number in range(6):
+            motion = walk(300, speed_share=pace + 0.02 * number)
+            save_motion(
+                capture, f"{style}_{number}", motion, style=style, split="train" if number else "held_out"
+            )
     (folder / "list.csv").write_text("prompt,out\n" + "".join(f"zombie,{k}.bvh\n" for k in range(12)))
     from runtime.session.session_file import SessionFile
 

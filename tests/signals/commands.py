@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ SPORT = (sys.executable, "-m", "sport")
 # shader caches of the driver, what finished runs leave too, and frames that are whole: each is what was asked for
 KEPT = re.compile(
     r"mesa_shader_cache|\.sport-batch\.lock|manifest\.jsonl|settings\.json|characters|^work/frames(/frame_\d+\.png)?$"
+    r"|^work/clips(/\d+\.bvh(\.json)?)?$|__pycache__"
 )
 
 _GENERATE = "generate --prompt zombie --seconds 2 --out"
@@ -36,8 +38,8 @@ COMMANDS: dict[str, str] = {
     },
     "restyle": "restyle take.bvh --prompt zombie --out out.bvh",
     "bench": "bench --frames 20 --json bench.json",
-    "evaluate": "evaluate --text --quick --json scores.json",
-    "study": "-m benchmarks.study make study --seconds 2",
+    "evaluate": "evaluate --clips capture --quick --styles neutral old --seconds 3 --json scores.json",
+    "study": "-m benchmarks.study make study --model a=compact --model b=open --seconds 2",
 }
 
 
@@ -90,8 +92,8 @@ class Place:
         self.folder = folder
         for name in ("work", "home", "tmp"):
             (folder / name).mkdir(parents=True)
-        for path in inputs.iterdir() if inputs else ():
-            (folder / "work" / path.name).write_bytes(path.read_bytes())
+        if inputs:
+            shutil.copytree(inputs, folder / "work", dirs_exist_ok=True)
         self.before = self.files()
 
     def environment(self) -> dict[str, str]:

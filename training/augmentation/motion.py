@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from runtime import rotations
 from runtime.arrays import Array
@@ -196,7 +195,7 @@ def with_feet(motion: EditedMotion, hips: Array, ankles: Array, feet: Array) -> 
     across = np.linalg.norm(to_ankle[..., [0, 2]], axis=-1)
     height = np.sqrt(np.maximum(_REACH_M**2 - across**2, 0.3**2))
     drop = np.maximum(to_ankle[..., 1] - height, 0.0).max(1)
-    hips = hips - smooth(maximum_filter1d(drop, 5, mode="nearest")[:, None], 2.0) * UP
+    hips = hips - smooth(_most_of(drop, 5)[:, None], 2.0) * UP
     return replace(motion, hips=hips, local=ik.solve_legs(hips, motion.local, ankles, feet))
 
 
@@ -312,7 +311,7 @@ def _heel_angle(thigh: Array, ankle: Array, toe: Array, foot: Array, behind: NDA
     enough = np.array(lengths) <= _RAISED_REACH_M
     first = np.where(enough.any(0), enough.argmax(0), len(_HEEL) - 1)
     wanted = np.where(behind, _HEEL[first], 0.0)
-    return smooth(maximum_filter1d(wanted, 7, mode="nearest")[:, None], 3.0)[:, 0]
+    return smooth(_most_of(wanted, 7)[:, None], 3.0)[:, 0]
 
 
 def scaled_path(motion: EditedMotion, factor: Array | float) -> Array:
@@ -347,3 +346,9 @@ def at_rate(motion: EditedMotion, rate: Array) -> EditedMotion:
         contacts=motion.contacts[nearest],
         gait=None if motion.gait is None else motion.gait[nearest],
     )
+
+
+def _most_of(values: Array, frames: int) -> Array:
+    """Return for each of values `(T,)` the largest of so many `frames` around it."""
+    padded = np.pad(values, frames // 2, "edge")
+    return np.lib.stride_tricks.sliding_window_view(padded, frames).max(-1)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import hypergeom
 
 from runtime.arrays import Array
 from runtime.errors import FileError, ModelError
@@ -72,6 +71,8 @@ class Recall:
 
 def recall(similarity: Array, relevant: NDArray[np.bool_], styles: Sequence[str]) -> Recall:
     """Of similarities `(Q, G)` and which entries are relevant; `styles` are the queries'. Ties count against."""
+    from scipy.stats import hypergeom
+
     rank = first_ranks(similarity, relevant)
     size, own = relevant.shape[1], np.array(styles)
     # chance that a random order has a relevant entry among the first 1, 2 ... `(Q, G)`

@@ -163,11 +163,13 @@ class StrideBalance:
         velocity: Array,
         stands: Sequence[tuple[bool, bool]],
         steady: Sequence[bool],
+        composed: Sequence[float],
     ) -> Array:
         """Return the metres `(N, 2)` in X and Z by which the hips of this frame are moved.
 
         Joints `(N, 31, 3)` as they were shown in the last frame, the `ground`'s height under them `(N,)`, and whether
-        the left and the right foot stood; the planned `velocity` `(N, 2)` in m/s; `steady` is who moves on evenly.
+        the left and the right foot stood; the planned `velocity` `(N, 2)` in m/s; `steady` is who moves on evenly, `composed` how far no capture has the walk:
+        only what is composed is smoothed.
         """
         path = _direction(velocity)
         joints = positions.astype(np.float64)
@@ -194,13 +196,15 @@ class StrideBalance:
             return self.shift
         terms = _terms(self.phase) / self._pendulum(mass[:, 1])
         balancing = _limited(self._missing(terms, velocity) / MASS_SHIFT, MAX_SHIFT_M)
-        self.smoothing = self.fraction[:, None] * smoothing
+        self.smoothing = (self.fraction * composed)[:, None] * smoothing
         self.shift = self.fraction[:, None] * _from_path(balancing, path) + self.smoothing
         return self.shift
 
     def _follow_mass(self, place: Array, velocity: Array, path: Array) -> Array:
         """Follow the centre of mass `(N, 2)`; return by how far the hips are moved for it to move evenly."""
-        speed = self.mass_velocity + velocity - self.window[:, -1, _VELOCITY]  # a change of the plan is no shaking
+        speed = (
+            self.mass_velocity + velocity - self.window[:, -1, _VELOCITY]
+        )  # a change of the plan is no shaking
         expected = self.mass_place + DT * speed
         away = place - expected
         lost = (np.abs(away).max(-1) > MAX_TRACKING_ERROR_M) | ~path.any(-1)

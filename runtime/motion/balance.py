@@ -4,6 +4,10 @@ An inverted pendulum of height h whose zero moment point lacks e to its feet is 
 x - h/g x'' = e. Over a stride of angular frequency w, harmonic k of x is that of e divided by 1 + h/g (k w)^2. The error
 is measured on the body without the correction and learnt by the phase of the stride, so that nothing is fed back. It is
 a horizontal force over the body's weight and not a distance, so that a flight counts too: there no force acts.
+
+What the hips, trunk and arms of a network shake beside that has no phase. A filter of critical damping (alpha and beta of
+fading memory: E. Brookner, Tracking and Kalman Filtering Made Easy, 1998, section 1.2.6) follows the centre of mass at an
+even speed, and the hips take up what it is away from there.
 """
 
 from __future__ import annotations
@@ -66,6 +70,10 @@ PHASE_GAIN = 0.15  # of the loop that follows the phase, a frame: fraction of it
 FREQUENCY_GAIN = 0.25 * PHASE_GAIN**2  # and of its frequency: critically damped
 USUAL_FREQUENCY_RAD_PER_S = 2.0 * pi * 0.9
 FREQUENCY_RANGE_RAD_PER_S = 2.0 * pi * 0.3, 2.0 * pi * 2.0
+# along and across the path: as fast as that the centre of mass may change its speed beside what is learnt
+SMOOTHING_FREQUENCIES_HZ = np.array([1.0, 2.0])
+MAX_SMOOTHING_M = 0.05  # of the hips
+MAX_TRACKING_ERROR_M = 0.3  # of the filter: farther away, a body was put elsewhere
 FADE_HALF_LIFE_S = 0.25  # in which the correction comes into force and goes
 
 _AT = SPORT_SKELETON.index
@@ -91,6 +99,8 @@ _TERMS = 1 + 2 * HARMONICS
 _ORDERS = (np.arange(_TERMS) + 1) // 2  # the harmonic of each term
 _USUAL = np.array([[USUAL_ERRORS_M.get(term, 0.0), 0.0] for term in range(_TERMS)])
 _KEEPS = decay(LEARNING_HALF_LIFE_S)
+_MEMORY = np.exp(-2.0 * np.pi * SMOOTHING_FREQUENCIES_HZ * DT)
+_PLACE_GAINS, _SPEED_GAINS = 1.0 - _MEMORY**2, (1.0 - _MEMORY) ** 2 / DT
 _FOLLOWS, _SMOOTHS = 1.0 - decay(DISTANCE_HALF_LIFE_S), 1.0 - decay(SPEED_HALF_LIFE_S)
 
 
@@ -139,7 +149,11 @@ class StrideBalance:
     fraction: Array = field(default_factory=_one(), metadata={"shape": ()})
     # 1/s
     fraction_speed: Array = field(default_factory=_one(), metadata={"shape": ()})
-    # m, X and Z, of the hips in the last frame
+    # X and Z of the centre of mass and its velocity, m and m/s, which the filter follows
+    mass_place: Array = field(default_factory=_one(2), metadata={"shape": (2,)})
+    mass_velocity: Array = field(default_factory=_one(2), metadata={"shape": (2,)})
+    # m, X and Z, of the hips in the last frame: what smooths, and all
+    smoothing: Array = field(default_factory=_one(2), metadata={"shape": (2,)})
     shift: Array = field(default_factory=_one(2), metadata={"shape": (2,)})
 
     def update(
@@ -149,19 +163,23 @@ class StrideBalance:
         velocity: Array,
         stands: Sequence[tuple[bool, bool]],
         steady: Sequence[bool],
+        composed: Sequence[float],
     ) -> Array:
         """Return the metres `(N, 2)` in X and Z by which the hips of this frame are moved.
 
         Joints `(N, 31, 3)` as they were shown in the last frame, the `ground`'s height under them `(N,)`, and whether
-        the left and the right foot stood; the planned `velocity` `(N, 2)` in m/s; `steady` is who moves on evenly.
+        the left and the right foot stood; the planned `velocity` `(N, 2)` in m/s; `steady` is who moves on evenly, `composed` how far no capture has the walk:
+        only what is composed is smoothed.
         """
         path = _direction(velocity)
         joints = positions.astype(np.float64)
         points = joints[:, _FOOT_POINTS][..., [0, 2]]
         self._follow_phase(((points[:, 0] - points[:, 2]) * path).sum(-1))
         mass = JOINT_MASSES @ joints
-        mass[:, [0, 2]] -= MASS_SHIFT * self.shift
         mass[:, 1] -= ground
+        place = mass[:, [0, 2]] - MASS_SHIFT * self.shift
+        mass[:, [0, 2]] = place + MASS_SHIFT * self.smoothing
+        smoothing = self._follow_mass(place, velocity, path)
         flags = (
             np.array(stands, np.float64),
             velocity,
@@ -174,13 +192,28 @@ class StrideBalance:
             self._learn()
         self._fade(steady)
         if not np.count_nonzero(self.fraction):
-            self.shift = np.zeros_like(velocity)
+            self.shift = self.smoothing = np.zeros_like(velocity)
             return self.shift
         terms = _terms(self.phase) / self._pendulum(mass[:, 1])
-        along_across = self._missing(terms, velocity)
-        limited = along_across / np.sqrt(1.0 + (along_across / MAX_SHIFT_M) ** 2)
-        self.shift = self.fraction[:, None] * _from_path(limited, path)
+        balancing = _limited(self._missing(terms, velocity) / MASS_SHIFT, MAX_SHIFT_M)
+        self.smoothing = (self.fraction * composed)[:, None] * smoothing
+        self.shift = self.fraction[:, None] * _from_path(balancing, path) + self.smoothing
         return self.shift
+
+    def _follow_mass(self, place: Array, velocity: Array, path: Array) -> Array:
+        """Follow the centre of mass `(N, 2)`; return by how far the hips are moved for it to move evenly."""
+        speed = (
+            self.mass_velocity + velocity - self.window[:, -1, _VELOCITY]
+        )  # a change of the plan is no shaking
+        expected = self.mass_place + DT * speed
+        away = place - expected
+        lost = (np.abs(away).max(-1) > MAX_TRACKING_ERROR_M) | ~path.any(-1)
+        away_along_across = _to_path(away, path)
+        followed = expected + _from_path(_PLACE_GAINS * away_along_across, path)
+        changed = speed + _from_path(_SPEED_GAINS * away_along_across, path)
+        self.mass_place = np.where(lost[:, None], place, followed)
+        self.mass_velocity = np.where(lost[:, None], velocity, changed)
+        return _limited((self.mass_place - place) / MASS_SHIFT, MAX_SMOOTHING_M)
 
     def _follow_phase(self, apart: Array) -> None:
         """Follow the phase of the stride by how far `apart` `(N,)` the ankles are along the path."""
@@ -270,6 +303,11 @@ def _terms(phase: Array) -> Array:
 def _direction(velocity: Array) -> Array:
     """Return velocities `(N, 2)` over their speed; 0 of one that is 0."""
     return velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-6)
+
+
+def _limited(values: Array, most: float) -> Array:
+    """Return values that are `most` at most, nearly as they were where they are small."""
+    return values / np.sqrt(1.0 + (values / most) ** 2)
 
 
 def _to_path(vectors: Array, path: Array) -> Array:

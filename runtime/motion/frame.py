@@ -27,6 +27,7 @@ from runtime.motion.request import probe_paths, read_request, root_velocity_of, 
 from runtime.motion.root_motion import rest_share, root_velocity, settled_pose
 from runtime.motion.state import CharacterState, bound_speed, network_pose, placed, shown_poses, standing
 from runtime.motion.style import Style
+from runtime.motion.swing import composed_fraction
 from runtime.motion.trajectory import PRESENT, SAMPLES
 from runtime.records import copied, joined, part
 from runtime.scalar_math import Vector
@@ -117,7 +118,8 @@ def step(
     swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state, steady))
     network = placed(*swung, state.trajectory, state.ground)
     even = _undisturbed(state, probes, steady)
-    shifts = _watch_strides(state, even, _undisturbed(state, probes, _steady(state, state.root_speed)))
+    balanced = _undisturbed(state, probes, _steady(state, state.root_speed))
+    shifts = _watch_strides(state, even, balanced, [composed_fraction(own) for own in gains])
     unlocked = _plant(state, *network, joints, contacts, shifts, even, terrain)
     _cross(state, unlocked, network, probes, styles)
     _feed_back(state, y, joints, probes, styles, terrain, haste)
@@ -153,7 +155,9 @@ def _undisturbed(
     ]
 
 
-def _watch_strides(state: CharacterState, even: Sequence[bool], balanced: Sequence[bool]) -> list[Vector]:
+def _watch_strides(
+    state: CharacterState, even: Sequence[bool], balanced: Sequence[bool], composed: Sequence[float]
+) -> list[Vector]:
     """Return the metres by which the hips of who is to be `balanced` are moved; watches how they walk on `even` ground."""
     stands = [(bool(left), bool(right)) for left, right in (feet.held for feet in state.feet)]
     heights = state.poses.hips[:, 1].astype(np.float64) - state.ground
@@ -161,7 +165,7 @@ def _watch_strides(state: CharacterState, even: Sequence[bool], balanced: Sequen
     blending = [blend.blending for blend in state.styles]
     state.walkable.update(heights, stands, walks, even, blending)
     shifts = state.balance.update(
-        state.poses.positions, state.ground, state.trajectory.velocity, stands, balanced
+        state.poses.positions, state.ground, state.trajectory.velocity, stands, balanced, composed
     )
     return [(x, 0.0, z) for x, z in shifts.tolist()]
 

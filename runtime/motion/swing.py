@@ -53,6 +53,7 @@ _TOLD_BY = (_LEGS_TRUNK, _LEGS_TRUNK, _ARMS_TRUNK, _ARMS_TRUNK, _LEGS_TRUNK)
 # root mean square of a code's distance at which a style tells little: its own sentences lie within twice that, others beyond
 KNOWN_STYLE_CODE_DISTANCE = 0.2
 UNKNOWN_STYLE_WEIGHT = 0.01  # weight of the gain 1 against that of a style at its own code
+CAPTURED_GAIN_FRACTION = 0.1  # of a gain: as far from 1, it is that of a captured style
 UNSEEN_GAIN_FRACTION = 0.03  # of a gain: nearer to 1 it is left alone
 MEAN_HALF_LIFE_S = 0.8  # seconds in which the means follow the pose
 # seconds, half-lives, in which gains come into force in a walk, and go
@@ -105,6 +106,12 @@ class MeasuredSwings:
                 "Export the model again.",
             )
         return MeasuredSwings(codes, gains)
+
+
+def composed_fraction(gains: Sequence[float]) -> float:
+    """Return how far no captured style has a walk with these gains: 0 for one that is captured, to 1."""
+    gained = max(abs(gains[swing] - 1.0) for swing in (YAW, ROLL, BOB))
+    return 1.0 - min(gained / CAPTURED_GAIN_FRACTION, 1.0)
 
 
 @dataclass

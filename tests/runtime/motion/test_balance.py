@@ -49,18 +49,23 @@ def _glider(seconds: float, sway: float = 0.0) -> list[tuple[np.ndarray, tuple[b
     return frames
 
 
-def _driven(frames: list, steady: bool = True) -> tuple[StrideBalance, np.ndarray]:
-    """The state after frames that are shown with their shifts, and the shifts."""
+def _driven(
+    frames: list, steady: bool | int = True, composed: float = 1.0
+) -> tuple[StrideBalance, np.ndarray]:
+    """The state after frames that are shown with their shifts, and the shifts; a number of frames that are `steady`."""
     balance, shifts, shift = StrideBalance(), [], np.zeros(2)
     legs = np.ones(len(REST))
     for k in (0, 1):
         legs[ANKLES[k]] = legs[TOES[k]] = 0.0
         legs[ANKLES[k] - 1] = 0.5
-    for joints, stands in frames:
+    for number, (joints, stands) in enumerate(frames):
         shown = joints.copy()
         shown[:, [0, 2]] += legs[:, None] * shift
         way = np.array([[0.0, SPEED]])
-        shift = balance.update(shown[None].astype(np.float32), np.zeros(1), way, [stands], [steady])[0]
+        goes = steady if isinstance(steady, bool) else number < steady
+        shift = balance.update(
+            shown[None].astype(np.float32), np.zeros(1), way, [stands], [goes], [composed]
+        )[0]
         shifts.append(shift)
     return balance, np.array(shifts)
 
@@ -98,13 +103,7 @@ def test_who_is_not_steady_stays_where_he_is():
 
 
 def test_it_fades_out_without_a_jump():
-    frames = _glider(9.0)
-    balance, _ = _driven(frames[: 8 * FPS])
-    shifts = []
-    for joints, stands in frames[8 * FPS :]:
-        way = np.array([[0.0, SPEED]])
-        shifts.append(balance.update(joints[None], np.zeros(1), way, [stands], [False])[0])
-    x = np.array(shifts)
+    x = _driven(_glider(9.0), steady=8 * FPS)[1][8 * FPS :]
     assert np.abs(np.diff(x, n=2, axis=0)).max() * FPS**2 < 3.0
     assert np.abs(x[-1]).max() < 0.25 * np.abs(x[0]).max() + 1e-3
 
@@ -123,8 +122,23 @@ def test_the_same_bytes_alone_and_in_a_crowd():
     apart = StrideBalance()
     for (a, left), (b, right) in zip(first, second, strict=True):
         both = np.stack([a, b]).astype(np.float32)
-        together = crowd.update(both, np.zeros(2), way, [left, right], [True, True])
-        one = apart.update(both[1:], np.zeros(1), way[1:], [right], [True])
+        together = crowd.update(both, np.zeros(2), way, [left, right], [True, True], [1.0, 1.0])
+        one = apart.update(both[1:], np.zeros(1), way[1:], [right], [True], [1.0])
         assert together[1].tobytes() == one[0].tobytes()
     assert part(crowd, 1).window.tobytes() == apart.window.tobytes()
     assert alone.shape == (2 * FPS, 2)
+
+
+def test_what_shakes_a_composed_body_is_taken_up_and_a_captured_one_is_left_alone():
+    """At 4.3 Hz, which no stride of 0.9 Hz has, the centre of mass goes on more evenly."""
+    frames = _glider(12.0)
+    shaken = 0.002 * np.sin(2.0 * np.pi * 4.3 * np.arange(len(frames)) / FPS)
+    for (joints, _), ahead in zip(frames, shaken, strict=True):
+        joints[:, 2] += ahead
+    balance, shifts = _driven(frames)
+    late = slice(6 * FPS, None)
+    tone = np.exp(2j * np.pi * 4.3 * np.arange(len(frames)) / FPS)[late]
+    assert balance.smoothing.any()
+    assert abs((shaken + MASS_SHIFT * shifts[:, 1])[late] @ tone) < 0.6 * abs(shaken[late] @ tone)
+    captured, _ = _driven(frames, composed=0.0)
+    assert not captured.smoothing.any()

@@ -14,7 +14,7 @@ import numpy as np
 
 from sport import Controller, Controls, Gait, MotionModel, Prompter, Terrain, load_model
 from training.evaluation.metrics.features import kinematic_features
-from training.evaluation.metrics.feet import foot_skating
+from training.evaluation.metrics.feet import foot_skating, skating_means
 from training.evaluation.metrics.frechet import Projection, frechet_distance
 from training.evaluation.metrics.motion import Motion, mean_speed, window_starts
 
@@ -44,10 +44,10 @@ def main(arguments: list[str]) -> None:
     for prompt in PROMPTS:
         for seed in SEEDS:
             motion, requested = walk(model, to_style(prompt), seed)
-            slide = foot_skating(motion.positions, motion.terrain, np.ones(len(motion), bool))
+            slide = skating_means([foot_skating(motion.positions, motion.terrain)])
             share = mean_speed(motion.positions) / requested
             print(
-                f"{prompt}, seed {seed}: speed {share:.2f} of the request, soles {slide.soles:.3f} cm a frame"
+                f"{prompt}, seed {seed}: speed {share:.2f} of the request, soles {slide['soles']:.3f} cm a frame"
             )
             windows[prompt, seed] = kinematic_features(
                 motion.root_features(), window_starts(len(motion), HOP)

@@ -8,7 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from runtime.assets import model_folder
-from runtime.errors import UsageError, run_command
+from runtime.errors import UsageError
+from runtime.interrupts import run_process
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,4 +73,4 @@ def _named(text: str) -> tuple[str, Path]:
 
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("study", main))
+    run_process("study", main)

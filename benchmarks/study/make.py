@@ -74,7 +74,6 @@ def make(
         )
     if CAPTURE in methods:
         raise UsageError(f"--model {CAPTURE}: that name is the capture's.", "Choose another name.")
-    out.mkdir(parents=True, exist_ok=True)
     films = []
     for scene in _scenes(methods, clips, seconds):
         report(f"{scene.title}: {scene.method}")
@@ -84,6 +83,7 @@ def make(
 
 def write_study(out: Path, films: Sequence[tuple[Scene, bytes]]) -> Path:
     """The page with all films (MP4) inside, and the key next to it."""
+    out.mkdir(parents=True, exist_ok=True)
     study = secrets.token_hex(8)
     named = {secrets.token_hex(6): film for film in films}
     content = {

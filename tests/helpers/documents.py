@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import re
+import runpy
 import shlex
 import sys
 from collections.abc import Iterable
@@ -107,7 +108,10 @@ def check_help(
         subcommand = arguments[:1]
     monkeypatch.setattr(sys, "argv", [module, *subcommand, "--help"])
     with pytest.raises(SystemExit):
-        program.main()
+        if hasattr(program, "main"):
+            program.main()
+        else:  # an experiment that is a program too
+            runpy.run_module(module, run_name="__main__")
     shown = set(re.findall(r"--[\w-]+", capsys.readouterr().out))
     assert set(options) <= shown | own, f"{module}: {set(options) - shown}"
 

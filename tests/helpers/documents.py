@@ -9,6 +9,7 @@ import runpy
 import shlex
 import sys
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -107,11 +108,10 @@ def check_help(
     if module in WITH_SUBCOMMANDS:
         subcommand = arguments[:1]
     monkeypatch.setattr(sys, "argv", [module, *subcommand, "--help"])
+    # an experiment that is a program has no function of its own
+    run = getattr(program, "main", None) or partial(runpy.run_module, module, run_name="__main__")
     with pytest.raises(SystemExit):
-        if hasattr(program, "main"):
-            program.main()
-        else:  # an experiment that is a program too
-            runpy.run_module(module, run_name="__main__")
+        run()
     shown = set(re.findall(r"--[\w-]+", capsys.readouterr().out))
     assert set(options) <= shown | own, f"{module}: {set(options) - shown}"
 

@@ -11,6 +11,7 @@ import time
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -87,7 +88,8 @@ def run(json_path: Path | None, frames: int = 1000, model: Path | None = None) -
         raise UsageError(f"--frames {frames}: expected 10 to 1000000.", "Choose another number.")
     if json_path is not None:
         check_target(json_path)
-    figures = measure(frames, model)
+    with temporary_folder() as folder, patch.dict(os.environ, SPORT_CONFIG_DIR=str(folder)):
+        figures = measure(frames, model)  # nobody's settings, and what it records is nobody's
     print(
         f"model {figures['model']} in {figures['precision']} on {figures['cpu']}, {figures['threads']} thread"
     )
@@ -296,11 +298,10 @@ def _start_times(model: Path | None) -> dict[str, float | None]:
         # modules are compiled once, as for whoever starts the program a second time
         compiled = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         compiled["PYTHONPYCACHEPREFIX"] = str(folder)
-        compiled["SPORT_CONFIG_DIR"] = str(folder / "config")  # what it records is nobody's
         for _ in range(2):
             begin = str(time.monotonic())
             shown = _run([sys.executable, "-c", _START, begin, *named], compiled)
-        memory = peak_memory_mb([*command, *(["--model", *named] if named else [])], compiled)
+        memory = peak_memory_mb([*command, *(["--model", *named] if named else [])])
     first, moves, quits = map(float, shown.split()[-3:])
     return {"first_frame_s": first, "moves_s": moves, "quit_s": quits, "rss_mb": memory}
 
@@ -315,11 +316,11 @@ sys.exit(code)
 """
 
 
-def peak_memory_mb(command: list[str], environment: dict[str, str] | None = None) -> float | None:
+def peak_memory_mb(command: list[str]) -> float | None:
     """Most memory that `command` held, in MB; None where the system does not tell (Windows). SportError when it fails."""
     if importlib.util.find_spec("resource") is None:
         return None
-    peak = float(_run([sys.executable, "-c", _MEASURE, *command], environment))
+    peak = float(_run([sys.executable, "-c", _MEASURE, *command]))
     return peak / (1 << 20) if sys.platform == "darwin" else peak / 1024
 
 

@@ -123,9 +123,9 @@ class Swing:
         return 2.0 * sqrt(2.0 * self.square / self.known) if self.known > 0.0 else 0.0
 
     def gain(self, target: Target, smallest: float, most: float) -> float:
-        """Times its own that is to be added to swing within the range asked for; less than `smallest` is no rhythm."""
+        """Times its own that is to be added to swing within the range asked for; what is less than `smallest` is no rhythm."""
         low, high = range_of(target)
-        more = min(max(low / max(self.range, smallest) - 1.0, 0.0), most)
+        more = min(max(low / max(self.range, smallest) - 1.0, 0.0), most) * min(self.range / smallest, 1.0)
         return target[0] * self.known * (more + min(max(high, 0.0) / max(self.range, 1e-3) - 1.0, 0.0))
 
 

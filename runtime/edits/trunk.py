@@ -48,6 +48,7 @@ LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD, SHRUG = range(len(TRUNK))
 MOST = tuple(row.most for row in targets_of("torso").values())  # degrees that are added
 # of sway and rock: times the network's; metres, degrees
 MAX_SWING_GAIN, MAX_SHIFT_M, MAX_ROCK_DEGREES = 2.5, 0.07, 12.0
+HIPS_TO_NECK_M = 0.5
 MAX_BOUNCE_M = 0.06  # metres that hips go down or up
 SINKING_FRACTION = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
 MEAN_HALF_LIFE_S = 0.4  # seconds in which the measures follow the pose,
@@ -175,11 +176,13 @@ class TrunkEdit:
         rocked = limited(self.more_rock * (shown[ASIDE] - self.aside.middle), MAX_ROCK_DEGREES)
         sinks = SINKING_FRACTION * self.bounce.range if self.more_bounce > 0.0 else 0.0
         bounced = self.more_bounce * (height - self.bounce.middle - sinks)
+        shift = limited(self.more_sway * swayed, MAX_SHIFT_M)
+        stays = degrees(atan2(-shift, HIPS_TO_NECK_M))  # the shoulders, and so most of the mass, over the feet
         return (
-            limited(self.more_sway * swayed, MAX_SHIFT_M),
+            shift,
             limited(bounced, MAX_BOUNCE_M),
             self.more_lean,
-            self.more_aside + rocked,
+            self.more_aside + rocked + stays,
         )
 
     def _follow(self, targets: Targets, on_a_line: float) -> None:

@@ -40,6 +40,7 @@ from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
 ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
+PLAIN_TORSO = "torso upright and relaxed, shoulders level"
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
 TARGETS = {"leg": (*LEG, PACE), "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
 RELATIVE = "lean"  # a target that is written by hand against what is usual in a gait
@@ -60,12 +61,12 @@ def phrases() -> dict[str, dict[str, Phrases]]:
 
 @cache
 def _read() -> tuple[dict[str, dict[str, Phrases]], frozenset[str], frozenset[str]]:
-    """Return the phrases, and the clauses of legs that edits show alone, and beside others."""
+    """Return the phrases, and the clauses of legs and trunks that edits show alone, and beside others."""
     path = asset_path("prompts/edits.toml")
     try:
         tree = tomllib.loads(path.read_text("utf-8"))
         alone, beside = (
-            frozenset(c for kind in tree["leg"].values() for c in kind.get(key, ()))
+            frozenset(c for part in ("leg", "torso") for kind in tree[part].values() for c in kind.get(key, ()))
             for key in (ALONE, BESIDE)
         )
         return read_phrases(tree), alone, beside
@@ -208,11 +209,12 @@ def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[
 
 
 def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
-    """Return the descriptions that the network reads under the edits: without the clauses of legs that these show alone.
+    """Return the descriptions that the network reads under the edits: without the clauses that these show alone.
 
-    Legs that cross by the network as well let it fall out of step with most other words.
+    Legs that cross by the network as well let it fall out of step with most other words, and hips that it sways as well turn
+    and shift twice as far as in any capture.
     """
-    for part in ("left_leg", "right_leg"):
+    for part in ("left_leg", "right_leg", "torso"):
         said = getattr(descriptions, part)
         if not captured().is_caption(part, said):
             descriptions = descriptions.replace(part, _unedited(said, part.split("_")[0]))
@@ -220,8 +222,11 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
 
 
 def _unedited(said: str, side: str) -> str:
-    """Return the description of a leg without the clauses that edits show alone; as it is where what is left is no sentence."""
+    """Return the description of a leg or the trunk without what edits show alone; as it is where what is left is no sentence."""
     _, alone, beside = _read()
+    if side == "torso":
+        kept = [clause for clause in said.split(", ") if clause.removeprefix("torso ") not in alone]
+        return ", ".join(kept) if kept else PLAIN_TORSO
     clauses = said.split(", ")
     kept = [clause for clause in clauses if clause.removeprefix(f"{side} ") not in alone]
     rest = [clause for clause in kept if clause.removeprefix(f"{side} ") not in beside]

@@ -1,10 +1,9 @@
-"""What a model was measured to show of some codes: how far they must be drawn out, and on which side it shows them better."""
+"""What a model was measured to show of some codes: on which side it shows them better."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,29 +14,21 @@ from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
 MIRROR_LEAD_FRACTION = 0.3  # fraction by which the mirror image of a code must be shown better than the code
 # the same of one limb, for which the network runs twice
 LIMB_LEAD_FRACTION = 0.4
-MAX_GAIN = 2.0
-# of a code's distance from neutral: what is farther from it says something else
-SAME_SIDE_FRACTION = 0.6  # and has nothing of its lead
-GAIN_FADE_FRACTION = 0.2  # beyond its own sentences, within which its gain fades
-# of the usual distance of a part's measured codes from neutral: nearer than the first it is plain, from the second on unusual
-PLAIN_FRACTION, UNUSUAL_FRACTION = 0.3, 0.8
-OTHER_PARTS_COUNT = 2.0  # other parts of the body (both arms, both legs, torso, head) that are unusual: a gain is that among others
+# of a code's distance from neutral: what is farther from it says something else, and has nothing of its lead
+SAME_SIDE_FRACTION = 0.6
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Measured codes of the left sides; the mirror image of each has the opposite lead and the same gain.
+    """Measured codes of the left sides; the mirror image of each has the opposite lead.
 
     `codes` `(n, 64)` belong to the parts `PART_NAMES[parts[i]]`. A model shows them by a fraction of `leads` `(n,)` better than
-    their mirror image, and wholly when they are drawn out from `neutral` `(6, 64)` by `gains` `(n, 2)`: alone, and among
-    other unusual parts. `spreads` `(n,)` say how far from a code its own sentences lie, as fractions of its distance from neutral.
+    their mirror image. `neutral` `(6, 64)` is plain walking.
     """
 
     parts: NDArray[np.int64]
     codes: Float32Array
     leads: Float32Array
-    gains: Float32Array
-    spreads: Float32Array
     neutral: Float32Array
 
     def side_leads(self, z: Float32Array) -> Float32Array:
@@ -58,34 +49,6 @@ class Calibration:
         better = (leads if mirrored else -leads)[:LIMBS] >= LIMB_LEAD_FRACTION
         return tuple(better.astype(float).tolist())
 
-    def drawn_out(self, z: Float32Array) -> Float32Array:
-        """Z^t `(6, 64)` with the parts near a measured code drawn out from neutral by its gain, less so the farther they are.
-
-        What training saw alone is shown less among others: the gain is that among others, as far as these are unusual.
-        """
-        gains, others = np.ones((len(z), 1), np.float32), self._others(z)
-        for near in self._nearest(z):
-            like = float(np.clip(1.0 - (near.off - self.spreads[near.code]) / GAIN_FADE_FRACTION, 0.0, 1.0))
-            alone, among = self.gains[near.code]
-            gain = alone + others[near.part] * (among - alone)
-            gains[near.part] = max(gains[near.part], 1.0 + like * (gain - 1.0))
-        return np.asarray(self.neutral + gains * (z - self.neutral), np.float32)
-
-    def _others(self, z: Float32Array) -> Float32Array:
-        """Of each part, how unusual the rest of the body is `(6,)`, 0 to 1; of a limb its twin does not count."""
-        far = np.linalg.norm(z - self.neutral, axis=1) / self._usual
-        unusual = np.clip((far - PLAIN_FRACTION) / (UNUSUAL_FRACTION - PLAIN_FRACTION), 0.0, 1.0)
-        groups = 0.5 * (unusual + unusual[TWINS])  # the same for both of a pair
-        total = groups.sum() - groups[:LIMBS].sum() / 2
-        return np.asarray(np.minimum(1.0, (total - groups) / OTHER_PARTS_COUNT), np.float32)
-
-    @cached_property
-    def _usual(self) -> Float32Array:
-        """Median distance of the measured codes of each part from neutral `(6,)`; infinite where there are none."""
-        own = [np.isin(self.parts, (part, TWINS[part])) for part in range(len(self.neutral))]
-        far = np.linalg.norm(self.codes - self.neutral[self.parts], axis=1)
-        return np.array([_median(far[rows]) if rows.any() else np.inf for rows in own], np.float32)
-
     def _nearest(self, z: Float32Array) -> Iterator[_Near]:
         """The code nearest to each part, and to each part of the mirror image."""
         for sign, seen in ((1, z), (-1, mirrored_code(z))):
@@ -96,12 +59,6 @@ class Calibration:
                 length = float(np.linalg.norm(self.codes[own[k]] - self.neutral[part]))
                 off = float(far[k]) / max(length, 1e-6)
                 yield _Near(part if sign > 0 else TWINS[part], sign, int(own[k]), off)
-
-
-def _median(values: Float32Array) -> np.float32:
-    """Of some numbers: `np.median` imports a package at its first call, a twentieth of a start."""
-    ordered, middle = np.sort(values), len(values) // 2
-    return np.float32(ordered[middle] if len(values) % 2 else ordered[middle - 1 : middle + 1].mean())
 
 
 @dataclass(frozen=True)

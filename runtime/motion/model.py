@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Float32Array
 from runtime.assets import model_folder
 from runtime.errors import ModelError
-from runtime.motion.calibration import MAX_GAIN, Calibration
+from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import Mirror, mirrored_code
 from runtime.motion.model_files import (
@@ -149,7 +149,7 @@ class MotionModel:
         """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.
 
         The code is drawn out from that of neutral walking, n: n + s (z - n), s being `strength` times what the model's
-        metadata found best, and for the parts that it was calibrated for their own gains.
+        metadata found best.
         """
         z = np.ascontiguousarray(z, np.float32)
         if z.shape != self.style_shape or not np.all(np.isfinite(z)):
@@ -158,7 +158,7 @@ class MotionModel:
                 "Encode the prompt again.",
             )
         strength *= self._strength
-        drawn = z if self.calibration is None else self.calibration.drawn_out(z)
+        drawn = z
         if self._neutral_code is not None and strength != 1.0:
             drawn = self._neutral_code + np.float32(strength) * (drawn - self._neutral_code)
         path = self.folder / "style.onnx"
@@ -267,20 +267,13 @@ def _calibration(
     try:
         phase = np.array(section["phase"], np.float32)
         parts = np.array([PART_NAMES.index(code["part"]) for code in section["codes"]], np.int64)
-        codes, leads, alone, opposite, spreads = (
-            np.array([code[name] for code in section["codes"]], np.float32)
-            for name in ("code", "lead", "gain", "gain_beside", "spread")
+        codes, leads = (
+            np.array([code[name] for code in section["codes"]], np.float32) for name in ("code", "lead")
         )
-        gains = np.stack([alone, opposite], axis=-1)
-        shapes = (phase.shape, codes.shape, leads.shape, spreads.shape)
-        expected = ((C,), (len(parts), neutral.shape[1]), parts.shape, parts.shape)
-        within = (
-            np.abs(phase) == 1.0,
-            np.isfinite(codes),
-            np.abs(leads) <= 1.0,
-            np.abs(spreads - 0.5) <= 0.5,
-        )
-        fits = shapes == expected and all(map(np.all, (*within, gains >= 1.0, gains <= MAX_GAIN)))
+        shapes = (phase.shape, codes.shape, leads.shape)
+        expected = ((C,), (len(parts), neutral.shape[1]), parts.shape)
+        within = (np.abs(phase) == 1.0, np.isfinite(codes), np.abs(leads) <= 1.0)
+        fits = shapes == expected and all(map(np.all, within))
     except (TypeError, KeyError, ValueError, OverflowError):
         fits = False
     if not fits:
@@ -288,7 +281,7 @@ def _calibration(
             f"{folder / 'metadata.json'}: field 'calibration' has no signs of {C} phases, or codes that are not of a part.",
             "Export the model again.",
         )
-    return Mirror(phase), Calibration(parts, codes, leads, gains, spreads, neutral)
+    return Mirror(phase), Calibration(parts, codes, leads, neutral)
 
 
 def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:

@@ -40,6 +40,8 @@ from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
 ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
+LEAN_FRACTION = 0.25  # of what captured leans forward range over, that a lean is asked for at least
+PLAIN_ARM = "{side} arm hanging relaxed at the side, swinging naturally with the steps"
 PLAIN_TORSO = "torso upright and relaxed, shoulders level"
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
 TARGETS = {"leg": (*LEG, PACE), "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
@@ -66,7 +68,9 @@ def _read() -> tuple[dict[str, dict[str, Phrases]], frozenset[str], frozenset[st
     try:
         tree = tomllib.loads(path.read_text("utf-8"))
         alone, beside = (
-            frozenset(c for part in ("leg", "torso") for kind in tree[part].values() for c in kind.get(key, ()))
+            frozenset(
+                c for part in ("leg", "torso") for kind in tree[part].values() for c in kind.get(key, ())
+            )
             for key in (ALONE, BESIDE)
         )
         return read_phrases(tree), alone, beside
@@ -157,7 +161,12 @@ def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int,
 def _ranges(name: str, values: Values, shown: Ranges | None) -> Ranges:
     """Return what a phrase asks for in every gait: as captures show it, or else as written by hand."""
     by_hand = [_by_hand(name, values, captured().usual(gait)) for gait in GAITS]
-    return tuple(own or other for own, other in zip(shown or by_hand, by_hand, strict=True))
+    ranges = [own or other for own, other in zip(shown or by_hand, by_hand, strict=True)]
+    if shown and name == "lean":  # a lean is seen where it is well within what captures show
+        ranges = [
+            (low + LEAN_FRACTION * (high - low), high) if low > 0.0 else (low, high) for low, high in ranges
+        ]
+    return tuple(ranges)
 
 
 def _of_caption(name: str, ranges: Ranges, of_one_style: bool) -> Ranges:
@@ -218,6 +227,10 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
         said = getattr(descriptions, part)
         if not captured().is_caption(part, said):
             descriptions = descriptions.replace(part, _unedited(said, part.split("_")[0]))
+    for part in ("left_arm", "right_arm"):
+        said = getattr(descriptions, part)
+        if not captured().is_caption(part, said) and "hand" in targets_of(part, said):
+            descriptions = descriptions.replace(part, PLAIN_ARM.format(side=part.split("_")[0]))
     return descriptions
 
 

@@ -12,7 +12,7 @@ from runtime.edits.request import FOLD, GAITS, MAX_TARGET, ROW_TRUNK, TRUNK
 from runtime.errors import FileError
 from runtime.prompts import captured as module
 from runtime.prompts.captured import CapturedPhrases, captured
-from runtime.prompts.edit_targets import edit_targets, edited_parts, left_to_network
+from runtime.prompts.edit_targets import LEAN_FRACTION, edit_targets, edited_parts, left_to_network
 from runtime.prompts.library_data import load_styles
 from runtime.prompts.parts import PartDescriptions
 
@@ -65,7 +65,8 @@ def test_a_phrase_means_what_was_measured_and_another_what_is_written() -> None:
     assert measured is not None
     assert measured[WALK] is not None
     asked = edit_targets(replace(PLAIN, torso="torso leaning forward like a plough"))[WALK, ROW_TRUNK, LEAN]
-    assert tuple(asked[1:]) == measured[WALK]
+    low, high = measured[WALK]
+    assert tuple(asked[1:]) == (low + LEAN_FRACTION * (high - low), high)
     assert captured().phrase("torso", "leaning far back", "lean") is None
 
 

@@ -1,4 +1,4 @@
-"""Calibration of a model: signs of the phases in the mirror, and leads and gains measured on walks."""
+"""Calibration of a model: signs of the phases in the mirror, and leads measured on walks."""
 
 import json
 from pathlib import Path
@@ -45,62 +45,33 @@ class Told:
         return code
 
 
-class Gains:
-    """In place of walks: by how much their codes are drawn out, and whether more is asked of them than one edit asks."""
+class Codes:
+    """In place of walks: their codes."""
 
     def make(self, codes: list) -> list:
-        return [(float(z[:, 1].max()), (z[:, 1] > 0).sum() > 3) for z in codes]
+        return codes
 
 
-def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    names = [f"{side}_{name}" for name in PAIRS for side in ("left", "right")] + [
-        "torso.sway",
-        "legs.long",
-        "head.nodding",
-        "head.up_far",
-        *(name for group in calibrate.COMPANIONS for name in group),
-    ]
-    shown = {
-        "left_arm.on_hip": 0.62,
-        "right_arm.on_hip": 0.22,
-        "left_arm.behind_back": 1.0,
-        "torso.sway": 0.44,
-        "head.nodding": 0.3,
-    }
-    beside = {"legs.long": 0.7, "torso.sway": 0.4, "torso.slump": 0.1}
-    asked: list[tuple[str, float, bool]] = []
-
-    def share(name: str, _example: object, _plain: object, walked: tuple[float, bool]) -> float:
-        gain, others = walked
-        asked.append((name, gain, others))
-        return min(1.0, (beside if others else shown).get(name, 0.95) * gain)
-
+def test_sides_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [f"{side}_{name}" for name in PAIRS for side in ("left", "right")] + ["torso.sway", "legs.long"]
+    shown = {"left_arm.on_hip": 0.62, "right_arm.on_hip": 0.22, "left_arm.behind_back": 1.0}
     monkeypatch.setattr(calibrate, "part_edits", lambda: {name: part_edits()[name] for name in names})
     monkeypatch.setattr(calibrate, "neutral_motion", lambda *_: None)
     monkeypatch.setattr(calibrate, "described_edits", lambda _: dict.fromkeys(part_edits()))
-    monkeypatch.setattr(calibrate, "edit_fraction", share)
-    monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [])
-    found = calibrate.calibrated(None, Told(), Gains(), ModelPhrasing())  # type: ignore[arg-type]
+    monkeypatch.setattr(calibrate, "edit_fraction", lambda name, *_: shown.get(name, 0.95))
+    monkeypatch.setattr(calibrate, "_rule_sentences", lambda _told: [{"head": ("head up",)}])
+    found = calibrate.calibrated(None, Told(), Codes(), ModelPhrasing())  # type: ignore[arg-type]
+    *edits, rule = found
     number = {1.0 + k: name for k, name in enumerate(part_edits())}
-    rows = {(number[row["code"][0]], row["part"]): row for row in found}
-
-    def gains(name: str) -> tuple[float, float]:
-        row = rows[name, part_edits()[name].slot.replace("legs", "left_leg")]
-        return row["gain"], row["gain_beside"]
-
-    assert len(rows) == len(found)
+    rows = {(number[row["code"][0]], row["part"]): row for row in edits}
+    assert len(rows) == len(edits)
     assert rows["left_arm.on_hip", "left_arm"]["lead"] == 0.4
-    assert gains("left_arm.on_hip") == (1.5, 1.5)
     # training never saw the left one: whatever a walk shows, the right one is the better
     assert rows["left_arm.behind_back", "left_arm"]["lead"] == -calibrate.UNTRAINED
     assert rows["left_leg.dragging", "left_leg"]["lead"] == calibrate.UNTRAINED
-    assert gains("left_arm.behind_back") == gains("left_leg.dragging") == gains("head.up_far") == (1.0, 1.0)
-    assert gains("head.nodding") == (1.0, 1.0)  # not shown wholly by any gain
-    assert gains("legs.long") == (1.0, 1.25)  # shown less beside others
-    assert gains("torso.sway") == (2.0, 2.0)
-    assert gains("torso.slump") == (1.0, 1.0)
+    assert rows["torso.sway", "torso"]["lead"] == rows["legs.long", "left_leg"]["lead"] == rule["lead"] == 0.0
     assert ("legs.long", "right_leg") not in rows  # once for both legs
-    assert not {name for name, _, others in asked if others} & {"left_arm.on_hip", "left_arm.folded"}
+    assert rule["part"] == "head"
 
 
 def test_a_model_is_measured_as_it_is_without_calibration(

@@ -41,6 +41,8 @@ from runtime.skeleton import PART_NAMES
 HAND = "hand"
 ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
 LEAN_FRACTION = 0.25  # of what captured leans forward range over, that a lean is asked for at least
+# of the range of a captured jog: where the median of its whole takes lies, which are not always at their full speed
+JOG_LEAN_FRACTION = 0.1
 PLAIN_ARM = "{side} arm hanging relaxed at the side, swinging naturally with the steps"
 PLAIN_TORSO = "torso upright and relaxed, shoulders level"
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
@@ -170,13 +172,14 @@ def _ranges(name: str, values: Values, shown: Ranges | None) -> Ranges:
 
 
 def _of_caption(name: str, ranges: Ranges, of_one_style: bool) -> Ranges:
-    """Return what a caption asks for: to lean as captured, one style in the middle of that; of a walk nothing else."""
+    """Return what a caption asks for: to lean as captured, one style as it does on the whole; of a walk nothing else."""
     if name != "lean":
         return (None, *ranges[1:])
     if not of_one_style:
         return ranges
-    middles = (None if ends is None else 0.5 * sum(ends) for ends in ranges)
-    return tuple(None if middle is None else (middle, middle) for middle in middles)
+    low_in_range = (0.5, JOG_LEAN_FRACTION, 0.5)
+    leans = (e and e[0] + f * (e[1] - e[0]) for e, f in zip(ranges, low_in_range, strict=True))
+    return tuple(None if lean is None else (lean, lean) for lean in leans)
 
 
 def _by_hand(name: str, values: Values, usual: Mapping[str, Range]) -> Range:

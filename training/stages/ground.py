@@ -1,7 +1,7 @@
 """Ground: a finished generator learns courses from its own traversals, and stays what it is everywhere else.
 
 On captured and composed samples it is held to what it gave before (learning without forgetting, Li and Hoiem 2016): to
-its y and to its embedding E, so that words, the gains by which they are drawn out, and the denoiser keep their meaning. On
+its y and to its embedding E, so that words and the denoiser keep their meaning, at a strength up to 2 too. On
 clips of `training.courses` it is trained as in stage 2, with the heights as they are.
 """
 

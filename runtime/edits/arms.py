@@ -78,14 +78,14 @@ _NOWHERE = (0.0,) * (len(FRAMES) * (1 + len(PLACE)))
 
 
 class Axes(NamedTuple):
-    """A joint that hands are placed by."""
+    """Position and rotation of a joint used as the reference frame for a hand."""
 
     at: Vector
     turned: Quaternion
 
 
 class ArmPose(NamedTuple):
-    """World rotations and positions of one arm, and the way that it goes round: 1 the left, -1 the right."""
+    """World rotations and positions of one arm; `sign` is 1 for the left arm, -1 for the right."""
 
     sign: float
     collar: Quaternion
@@ -98,7 +98,7 @@ class ArmPose(NamedTuple):
 
 
 class Body(NamedTuple):
-    """What an arm hangs on: the axes that it is placed by, and metres of the other side's ankle ahead of the hips."""
+    """What an arm edit needs of the body: reference frames, directions, and how far (metres) the opposite ankle is ahead of the hips."""
 
     axes: tuple[Axes, ...]  # by `FRAMES`; of the first the rotation alone
     side: Vector  # towards the left
@@ -108,7 +108,7 @@ class Body(NamedTuple):
 
 @dataclass
 class ArmEdit:
-    """What was measured of the network's arm, and what is added to it."""
+    """State of one arm's edits: measured bend, spread and swing of the network's arm, and what is added to them."""
 
     bend: Swing = field(default_factory=Swing)  # degrees of the elbow
     out: Swing = field(default_factory=Swing)  # metres of the elbow outward of the shoulder
@@ -122,7 +122,7 @@ class ArmEdit:
 
     @property
     def active(self) -> bool:
-        """Whether anything is added."""
+        """Whether the edit currently changes the arm."""
         angles = abs(self.more_bend) > 1e-3 or abs(self.more_out) > 1e-3
         return angles or abs(self.more_swing) > 1e-3 or abs(self.in_step) > 1e-4 or self._placed > 1e-4
 
@@ -131,7 +131,7 @@ class ArmEdit:
         return sum(self.places[:: 1 + len(PLACE)])
 
     def apply(self, arm: ArmPose, body: Body, targets: Targets) -> ArmPose | None:
-        """The arm as it is asked for; None where nothing is asked of it or added to it."""
+        """Return the edited arm, or None if nothing is requested and nothing is added."""
         if not self.active and not asks(targets):
             if self.bend.known > 0.0:
                 vars(self).update(vars(ArmEdit()))  # what is asked for later is measured anew
@@ -304,7 +304,7 @@ class _Trunk(NamedTuple):
 
     @property
     def radii(self) -> float:
-        """How far from the middle it is, 1 on the surface."""
+        """Distance from the trunk's axis, in radii of its ellipse: 1 on the surface."""
         return hypot(self.x / TRUNK_HALF_WIDTH_M, self.z / TRUNK_HALF_DEPTH_M)
 
 

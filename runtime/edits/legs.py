@@ -53,7 +53,7 @@ _FROM_HEEL: Vector = (0.0, ANKLE_HEIGHT, 0.05)  # metres from the heel to the an
 
 @dataclass
 class LegEdit:
-    """What was measured of the network's legs of a character, and the edits in force."""
+    """State of the leg edits of one character: measurements of the network's legs, and the edits in force."""
 
     across: float = 0.0  # m of the left ankle from the right one across the way, times `known`
     middle: float = 0.0  # m of both ankles to the left of the hips, times `known`
@@ -72,21 +72,21 @@ class LegEdit:
 
     @property
     def active(self) -> bool:
-        """Whether anything is added."""
+        """Whether the edit currently changes a leg."""
         return any(self.left) or any(self.right)
 
     @property
     def lowered(self) -> float:
-        """Metres that the hips are lower than in a neutral walk."""
+        """How far (metres) the hips are below those of a neutral walk."""
         return UPRIGHT_HIPS_M - self.height
 
     def apply(
         self, height: float, legs: tuple[LegPose, LegPose], chances: list[float], request: EditRequest
     ) -> tuple[float, list[LegPose]]:
-        """Metres that the hips go up, and the legs with hips, toes, ankles and feet where they are to be; knees follow later.
+        """Return how far the hips rise (metres) and the edited legs: hips, toes, ankles and feet; knees are solved later.
 
-        `height` of the hips, `chances` of contact (left heel, left toe, right heel, right toe), which lose those of
-        heels that are raised.
+        `height` is that of the hips. `chances` are contact probabilities (left heel, left toe, right heel, right toe);
+        heels that are raised lose theirs in place.
         """
         bears = (max(chances[0], chances[1]), max(chances[2], chances[3]))
         self._measure(height - request.ground, legs, bears, request)

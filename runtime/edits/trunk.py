@@ -77,7 +77,7 @@ _AHEAD: Vector = (0.0, 0.0, 1.0)
 
 
 class Moved(NamedTuple):
-    """Metres that the hips move along X, Y and Z, and the local rotations `(31, 4)`."""
+    """Hips displacement (metres along X, Y and Z) and local rotations `(31, 4)` of an edited trunk."""
 
     east: float
     up: float
@@ -87,7 +87,7 @@ class Moved(NamedTuple):
 
 @dataclass
 class TrunkEdit:
-    """What was measured of the network's trunk of a character, and what is added to it."""
+    """State of the trunk edits of one character: measurements of the network's trunk, and what is added to it."""
 
     lean: Swing = field(default_factory=Swing)  # degrees
     aside: Swing = field(default_factory=Swing)
@@ -108,7 +108,7 @@ class TrunkEdit:
     shrug: float = 0.0  # degrees that the shoulders are raised
 
     def watch(self, lean: float, aside: float, fold: float) -> bool:
-        """Whether a trunk that leans by so many degrees comes near the bound of a fold, `fold`, or tips over; called in every frame."""
+        """Return whether the trunk, leaning `lean` degrees, is near its limit for `fold` or nearly tips over; call every frame."""
         shown = max(min(lean, self._bound(fold)), -self._back(0.0))
         self.steady += (1.0 - decay(STEADY_HALF_LIFE_S)) * (shown - self.steady)
         return (
@@ -118,7 +118,7 @@ class TrunkEdit:
         )
 
     def apply(self, hips: Vector, local: Array, request: EditRequest) -> Moved:
-        """The trunk as it is asked for, of hips at a place and local rotations `(31, 4)`."""
+        """Return the edited trunk: hips displacement and local rotations `(31, 4)`."""
         targets = request.targets[ROW_TRUNK]
         rotations: list[Quaternion] = [tuple(q) for q in local[list(_JOINTS)].tolist()]
         side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
@@ -144,7 +144,7 @@ class TrunkEdit:
 
     @property
     def active(self) -> bool:
-        """Whether anything is added."""
+        """Whether the edit currently changes the trunk."""
         return any(abs(getattr(self, name)) > 1e-3 for name in _ADDED)
 
     def _bound(self, fold: float) -> float:

@@ -25,11 +25,11 @@ _FORWARD = np.array([0.0, 0.0, 1.0])
 
 
 def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Array:
-    """Distance that a leg of `length` may span when `distance` is requested and the incoming pose spans `span`.
+    """Return the distance that a leg of `length` spans when `distance` is requested and the incoming pose spans `span`.
 
-    Equal to the requested distance up to `MAX_REACH - EASE_REACH_FRACTION` of it, and always up to `span`: a leg that the pose
-    itself shows so straight needs no easing. Beyond, eased quadratically towards `MAX_REACH` of the length. The knee
-    angle grows with the square root of the missing length, so that without easing it moves at any speed.
+    Equal to the requested distance up to `MAX_REACH - EASE_REACH_FRACTION` of the length, and always up to `span`.
+    Beyond, it eases quadratically towards `MAX_REACH` of the length: the knee angle grows with the square root of the
+    missing length, and would otherwise move at any speed.
     """
     length = np.asarray(length)
     start = np.maximum((MAX_REACH - EASE_REACH_FRACTION) * length, np.minimum(span, length))
@@ -42,12 +42,11 @@ def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Arr
 def two_bone(
     hip: Array, knee: Array, ankle: Array, target: Array, pole: Array | None = None
 ) -> tuple[Array, Array]:
-    """World rotations `(..., 4)` to apply to the upper and the lower bone so that the ankle reaches `target`.
+    """Return world rotations `(..., 4)` to apply to the upper and lower bone so that the ankle reaches `target`.
 
-    All points are `(..., 3)` in one space. `pole` `(..., 3)` is the direction in which the knee may bend: the incoming
-    bending plane is kept, except that a straight knee follows the pole and one bent against the pole is
-    brought to its side. Without a pole the incoming plane is kept as it is. Bones keep their lengths; a target out of
-    reach is approached along its line (see `soft_reach`).
+    All points are `(..., 3)` in one space. The incoming bending plane is kept. With `pole` `(..., 3)`, the direction in
+    which the knee may bend, a straight knee follows the pole and one bent against it is brought to its side. Bones keep
+    their lengths; a target out of reach is approached along its line (see `soft_reach`).
     """
     hip, knee, ankle, target = (np.asarray(a, np.float64) for a in (hip, knee, ankle, target))
     upper, lower = np.maximum(_length(knee - hip), 1e-6), np.maximum(_length(ankle - knee), 1e-6)
@@ -80,10 +79,10 @@ def solve_legs(
     foot_world_rotations: Array | None = None,
     skeleton: Skeleton = SPORT_SKELETON,
 ) -> Array:
-    """Local rotations `(..., 31, 4)` with both ankles at `ankle_targets` `(..., 2, 3)` (left, right; world, metres).
+    """Return local rotations `(..., 31, 4)` with both ankles at `ankle_targets` `(..., 2, 3)` (left, right; world, metres).
 
     `hips_position` `(..., 3)` and `local_rotations` `(..., 31, 4)` are the incoming pose. The feet take
-    `foot_world_rotations` `(..., 2, 4)`, or keep their incoming world rotations when it is None.
+    `foot_world_rotations` `(..., 2, 4)`, or keep their incoming world rotations if it is None.
     """
     local = np.asarray(local_rotations, np.float64)
     hips_world = local[..., None, 0, :]

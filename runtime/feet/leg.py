@@ -56,12 +56,12 @@ class LegPose(NamedTuple):
     toe: Vector
 
     def raised(self, metres: float) -> Vector:
-        """Where the hip is with the body raised."""
+        """Return the hip position with the body raised."""
         return self.hip[0], self.hip[1] + metres, self.hip[2]
 
 
 def leg_bones(side: int, skeleton: Skeleton = SPORT_SKELETON) -> LegBones:
-    """The left (0) or right (1) leg of a SPORT skeleton."""
+    """Return the left (0) or right (1) leg of a SPORT skeleton."""
     first = 1 + 5 * side
     joints = (first, first + 1, first + 2, first + 3, first + 4)
     offsets = tuple((float(x), float(y), float(z)) for x, y, z in skeleton.offsets[list(joints)])
@@ -70,7 +70,7 @@ def leg_bones(side: int, skeleton: Skeleton = SPORT_SKELETON) -> LegBones:
 
 
 def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPose:
-    """Forward kinematics; `local` holds the pose's 31 local rotations."""
+    """Return the world pose of a leg by forward kinematics; `local` are the pose's 31 local rotations."""
     j, o = bones.joints, bones.offsets
     root = local[0]
     base = multiply(root, local[j[0]])
@@ -84,9 +84,9 @@ def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPo
 
 
 def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
-    """Return the leg with its foot turned about the ankle: toes that are up, against a flat sole, by a `fraction` more.
+    """Return the leg with its raised toes, relative to a flat sole, raised by a further `fraction`, turning about the ankle.
 
-    The ground under the toe is `rise` metres over that under the ankle.
+    The ground under the toe is `rise` metres above that under the ankle.
     """
     sole = subtract(leg.toe, leg.ankle)
     foot = length(sole)
@@ -102,7 +102,7 @@ def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
 def leg_inverse(
     leg: LegPose, target: Vector, foot: Quaternion, drop: float = 0.0
 ) -> tuple[Quaternion, Quaternion, Quaternion]:
-    """Local rotations of thigh, shin and foot that bring the ankle to `target` with the hips lowered by `drop` metres.
+    """Return local rotations of thigh, shin and foot that bring the ankle to `target` with the hips lowered by `drop` metres.
 
     `foot` is the foot's new world rotation. See `runtime.feet.ik.two_bone`.
     """
@@ -129,23 +129,23 @@ def leg_inverse(
 
 
 def turned_out(leg: LegPose, side: int, radians_out: float) -> LegPose:
-    """The left (0) or right (1) leg with its knee turned outwards about the line from hip to ankle; the foot stays."""
+    """Return the left (0) or right (1) leg with its knee turned outwards about the hip-ankle line; the foot does not move."""
     turn = from_vector(scale(unit(subtract(leg.ankle, leg.hip)), radians_out if side else -radians_out))
     knee = add(leg.hip, rotate(turn, subtract(leg.knee, leg.hip)))
     return leg._replace(knee=knee, thigh=multiply(turn, leg.thigh), shin=multiply(turn, leg.shin))
 
 
 def roll_cosine(to_hip: Vector, foot: float, reach: float) -> float:
-    """Cosine of the angle at a toe, between hip and ankle, where the ankle, `foot` metres away, is `reach` from the hip.
+    """Return the cosine of the angle at the toe, between hip and ankle, that puts the ankle `reach` metres from the hip.
 
-    Beyond -1 to 1 there is no such angle.
+    The ankle is `foot` metres from the toe. No angle exists if the value is outside -1 to 1.
     """
     distance = length(to_hip)
     return (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
 
 
 def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
-    """Direction from a toe to its ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
+    """Return the direction from toe to ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
     cosine = min(max(cosine, -1.0), 1.0)
     up = scale(to_hip, 1.0 / length(to_hip))
     side = unit(subtract(along, scale(up, dot(along, up))))
@@ -177,7 +177,7 @@ MAX_STRAIGHTEST = radians(25.0)
 
 @dataclass
 class Knee:
-    """What one knee remembers: its flexion as it was shown, radians, its speed, and the incoming pose's flexion."""
+    """State of one knee: its shown flexion (radians) and speed, and the incoming pose's flexion."""
 
     flexion: float | None = None
     speed: float = 0.0
@@ -187,9 +187,9 @@ class Knee:
     def follow(
         self, leg: LegPose, hip: Vector, target: Vector, bones: LegBones, dt: float, free: bool = False
     ) -> float:
-        """Metres from `hip` to the ankle in this frame, where `target` is requested; `leg` is the incoming leg.
+        """Return the hip-ankle distance (metres) of this frame for the requested `target`; `leg` is the incoming leg.
 
-        The leg of a `free` foot becomes no straighter than the incoming one is in its strides.
+        A `free` foot's leg is never straighter than the incoming leg is in its strides.
         """
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         far, spans = dist(target, hip), dist(leg.ankle, leg.hip)
@@ -212,7 +212,7 @@ class Knee:
         return sqrt(max(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(self.flexion), 1e-9))
 
     def bend_to(self, leg: LegPose, hip: Vector, ankle: Vector, bones: LegBones, dt: float) -> None:
-        """Go on from a leg that the ground made shorter than it was to be."""
+        """Update the knee's state after the ground made the leg shorter than requested."""
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         flexion = _flexion(min(dist(ankle, hip), bones.length), thigh, shin)
         if flexion > (self.flexion or 0.0):
@@ -231,10 +231,10 @@ HIGHEST_TIP_M = 0.055  # m that the tip may be raised over the joint: about 65 d
 
 
 def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights, sink: float) -> Quaternion:
-    """Local rotation of the toes for the network's `toe`; `foot` is the foot's world rotation, `joint` where the toe joint is.
+    """Return the local rotation of the toes, bent by the ground; `toe` is the network's, `foot` the foot's world rotation.
 
-    They turn about their own cross axis, as toes do: where they point straight down, a heading taken from the way they
-    point would flip from one frame to the next.
+    `joint` is the toe joint. The toes turn about their own cross axis: a heading taken from their direction would flip
+    where they point straight down.
     """
     world = multiply(foot, toe)
     ahead, up = rotate(world, (0.0, 0.0, 1.0)), rotate(world, (0.0, 1.0, 0.0))

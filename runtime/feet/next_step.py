@@ -42,13 +42,13 @@ AHEAD_M = (0.0, 0.07, 0.14, 0.21)  # on its way, that a knee keeps clear
 
 
 def has_edges(ground: PointHeights) -> bool:
-    """Whether this ground rises anywhere as steeply as a bar or a step."""
+    """Return whether this ground anywhere rises as steeply as a bar or a step."""
     return ground.steepest * RUN_M > RISE_M
 
 
 @dataclass
 class SteppedOver:
-    """A bar or gap that is stepped over by the gait itself: its near edge, and the way across."""
+    """A bar or gap that the gait itself steps over: its near edge and the direction across it."""
 
     x: float = 0.0  # of the near edge, m
     z: float = 0.0
@@ -60,15 +60,15 @@ class SteppedOver:
     crossing: bool = False  # by the foot that comes down next
 
     def along(self, x: float, z: float) -> float:
-        """Metres of a place behind the near edge."""
+        """Return how far (metres) a position is beyond the near edge."""
         return (x - self.x) * sin(self.yaw) + (z - self.z) * cos(self.yaw)
 
     def is_under(self, x: float, z: float) -> bool:
-        """Whether a root at this place is over it: from there its far side would look like a step."""
+        """Return whether a root at this position is above it; from there the far side would look like a step."""
         return self.length >= 0.0 and -UNDER_M < self.along(x, z) < self.length + UNDER_M
 
     def hips_rise(self, hips: Vector) -> float:
-        """Metres that hips at this place rise for a high bar where the legs let them."""
+        """Return how far (metres) the hips rise at this position to step over a high bar."""
         high = min(self.top - LOW_BAR_M, MOST_RISE_M)
         if self.length < 0.0 or high <= 0.0:
             return 0.0
@@ -78,7 +78,7 @@ class SteppedOver:
 
 @dataclass
 class NextStep:
-    """What one foot remembers of its steps, from frame to frame."""
+    """State of one foot's steps, carried from frame to frame."""
 
     hip_x: float = 0.0  # place of the hip in the last frame, m
     hip_z: float = 0.0
@@ -107,13 +107,13 @@ class NextStep:
 
     @property
     def speed(self) -> float:
-        """Of the hip, m/s."""
+        """Horizontal speed of the hip, m/s."""
         return sqrt(self.way_x * self.way_x + self.way_z * self.way_z)
 
     def watch(
         self, leg: LegPose, other: NextStep, held: bool, down: bool, velocity: Vector, dt: float
     ) -> None:
-        """Read an incoming leg: where the hip goes, and where the foot comes down; `down` tells that it has, held or not."""
+        """Update with the incoming leg: where the hip goes and where the foot lands; `down` says that it has landed, held or not."""
         self._follow_hip(leg.hip, dt)
         ankle_x, _, ankle_z = leg.ankle
         stands = held or down
@@ -159,7 +159,7 @@ class NextStep:
         return metres
 
     def lead(self, leg: LegPose, over: SteppedOver | None, held: bool, dt: float) -> LegPose:
-        """The leg, led so that it comes down before or behind what is stepped `over`; a held foot keeps its lead."""
+        """Return the leg shifted so that it lands before or behind the obstacle `over`; a held foot keeps its shift."""
         self.over = over or SteppedOver()
         if not held:
             if self.over.length < 0.0:
@@ -189,9 +189,9 @@ class NextStep:
         return min(onwards, FARTHEST_M) if nearer else max(back, -FARTHEST_M)
 
     def lift(self, points: tuple[tuple[Vector, float], ...], ground: PointHeights) -> float:
-        """Return how far (metres) the foot has to rise over its incoming height to clear edges on its way; 0 without any.
+        """Return how far (metres) the foot must rise above its incoming height to clear edges on its path; 0 without edges.
 
-        `points` are the shown toe and ankle, and the incoming heights of their soles.
+        `points` are the shown toe and ankle, each with the incoming height of its sole.
         """
         lift, over = 0.0, self.over
         if over.top > 0.0:
@@ -234,7 +234,7 @@ class NextStep:
         return need
 
     def knee_out(self, leg: LegPose, side: int, ground: PointHeights, dt: float) -> float:
-        """Radians that the knee of a solved leg is turned outwards, so that thigh and shin pass over the ground."""
+        """Return how far (radians) the knee of a solved leg turns outwards so that thigh and shin clear the ground."""
         goal, least = 0.0, 1e9
         for radians_out in OUT:
             depth = self._knee_depth(leg, turned_out(leg, side, radians_out).knee, ground)

@@ -45,7 +45,7 @@ CONTACT_HYSTERESIS_RATIO = 1.5  # times its bounds, for a point that was in cont
 
 @dataclass
 class PlantedFoot:
-    """State of one foot. The offset is outgoing minus incoming toe joint."""
+    """State of one planted foot; the offset is the outgoing minus the incoming toe joint."""
 
     side: int  # 0 left, 1 right
     anchor: str = field(default="", metadata={"choices": ANCHORS})  # the point that is held
@@ -76,11 +76,11 @@ class PlantedFoot:
 
     @property
     def bones(self) -> LegBones:
-        """The leg's."""
+        """The bones of the foot's leg."""
         return LEGS[self.side]
 
     def observe(self, leg: LegPose, heel: float, toe: float, ground: PointHeights, dt: float) -> None:
-        """Read the incoming foot: velocities, heights over rest, and which points are in contact."""
+        """Update velocities, heights over rest and contacts from the incoming foot."""
         if self.incoming is None:
             self.incoming = (leg.toe, leg.ankle)
             self.toe, self.ankle = leg.toe, leg.ankle
@@ -99,7 +99,7 @@ class PlantedFoot:
         self.heel_down = self._in_contact(self.heel_down, heel, self.heights[1], ankle_velocity)
 
     def adopt(self, shown: LegPose, leg: LegPose) -> None:
-        """Begin from a foot as it was shown, where `leg` came in."""
+        """Start from a foot as it was `shown`, while `leg` was the incoming leg."""
         self.incoming = (leg.toe, leg.ankle)
         self.toe, self.ankle, self.rotation = shown.toe, shown.ankle, shown.foot
         self.offset = subtract(shown.toe, leg.toe)
@@ -124,9 +124,9 @@ class PlantedFoot:
         over: bool = False,
         last: bool = False,
     ) -> None:
-        """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it.
+        """Lock, keep or release the held point; the toe has priority over the heel, so that the foot rolls over it.
 
-        A foot that is `over` something comes down first. The `last` foot of a walk stays until the other one is down.
+        A foot that is `over` an obstacle lands first. The `last` foot of a walk stays held until the other one is down.
         """
         anchor = self._point_down(last)
         if self.refractory > 0.0 or not anchor or (over and not self.anchor):
@@ -165,7 +165,7 @@ class PlantedFoot:
         return self.twisted or overstrained or self.next_step.caught or hip_low
 
     def is_over(self, over: SteppedOver | None, ground: PointHeights) -> bool:
-        """Whether the shown foot still is on its way over what is stepped over: high over the ground, or hanging over the far edge."""
+        """Return whether the shown foot is still passing over an obstacle: high above the ground, or beyond its far edge."""
         if over is None or over.length < 0.0:
             return False
         ankle, toe = over.along(self.ankle[0], self.ankle[2]), over.along(self.toe[0], self.toe[2])
@@ -174,7 +174,7 @@ class PlantedFoot:
         return hangs or high
 
     def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:
-        """Set the outgoing toe, ankle and foot rotation."""
+        """Compute the outgoing toe, ankle and foot rotation."""
         before, (toe_x, _, toe_z) = (self.toe[1], self.ankle[1]), self.toe
         tilt = self.tilt
         self._turn(leg, ground, dt)
@@ -394,7 +394,7 @@ class PlantedFoot:
         self.ankle = (ankle[0], ankle[1] + missing, ankle[2])
 
     def knee_out(self, leg: LegPose, hip: Vector, local: Array, ground: PointHeights, dt: float) -> float:
-        """Radians that the knee turns outwards for the ground; `local` are thigh, shin and foot over the base of `leg`."""
+        """Return how far (radians) the knee turns outwards to clear the ground; `local` are thigh, shin and foot relative to the base of `leg`."""
         upper, lower, _ = local.tolist()
         thigh = multiply(leg.base, upper)
         shin = multiply(thigh, lower)

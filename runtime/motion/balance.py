@@ -26,7 +26,7 @@ from runtime.skeleton import SPORT_SKELETON
 
 
 class Segment(NamedTuple):
-    """A part of the body between two joints, of one side."""
+    """A body segment between two joints, for one side: its mass fraction and centre of mass."""
 
     mass: float  # fraction of the body's mass
     proximal: str  # joint
@@ -126,7 +126,7 @@ def _one(*shape: int, start: Array | float = 0.0) -> Callable[[], Array]:
 
 @dataclass
 class StrideBalance:
-    """What is known of the strides of N characters."""
+    """Stride measurements of N characters."""
 
     window: Array = field(
         default_factory=_one(WINDOW_FRAMES, _COLUMNS), metadata={"shape": (WINDOW_FRAMES, _COLUMNS)}
@@ -165,11 +165,11 @@ class StrideBalance:
         steady: Sequence[bool],
         composed: Sequence[float],
     ) -> Array:
-        """Return the metres `(N, 2)` in X and Z by which the hips of this frame are moved.
+        """Return the displacement `(N, 2)` of the hips in X and Z for this frame, metres.
 
-        Joints `(N, 31, 3)` as they were shown in the last frame, the `ground`'s height under them `(N,)`, and whether
-        the left and the right foot stood; the planned `velocity` `(N, 2)` in m/s; `steady` is who moves on evenly, `composed` how far no capture has the walk:
-        only what is composed is smoothed.
+        `positions` `(N, 31, 3)` are the joints shown in the last frame, `ground` `(N,)` the height under them, `stands`
+        whether the left and right foot stood, `velocity` `(N, 2)` the planned one (m/s), `steady` which characters walk
+        steadily, and `composed` how far their walk is from any captured one: only composed walks are smoothed.
         """
         path = _direction(velocity)
         joints = positions.astype(np.float64)

@@ -26,11 +26,12 @@ OTHER_PARTS_COUNT = 2.0  # other parts of the body (both arms, both legs, torso,
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Measured codes of the left sides; the mirror image of each has the opposite lead and the same gain.
+    """How well a model shows certain style codes, measured: how much to exaggerate them, and on which side they look better.
 
-    `codes` `(n, 64)` belong to the parts `PART_NAMES[parts[i]]`. A model shows them by a fraction of `leads` `(n,)` better than
-    their mirror image, and wholly when they are drawn out from `neutral` `(6, 64)` by `gains` `(n, 2)`: alone, and among
-    other unusual parts. `spreads` `(n,)` say how far from a code its own sentences lie, as fractions of its distance from neutral.
+    Codes are of the left side; mirror images have the opposite lead and the same gain. `codes` `(n, 64)` belong to the
+    parts `PART_NAMES[parts[i]]`. `leads` `(n,)` say by which fraction they are shown better than mirrored, `gains` `(n,
+    2)` the exaggeration from `neutral` `(6, 64)` that shows them fully: alone, and among other unusual parts. `spreads`
+    `(n,)` are the distances of a code's own sentences, as fractions of its distance from neutral.
     """
 
     parts: NDArray[np.int64]
@@ -41,7 +42,7 @@ class Calibration:
     neutral: Float32Array
 
     def side_leads(self, z: Float32Array) -> Float32Array:
-        """By how much of a fraction each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`: as a measured code near it."""
+        """Return by which fraction each part of Z^t `(6, 64)` is shown better than mirrored, `(6,)`, from the nearest measured code."""
         found = np.zeros(len(z), np.float32)
         for near in self._nearest(z):
             if near.off < SAME_SIDE_FRACTION:
@@ -49,19 +50,19 @@ class Calibration:
         return found
 
     def ways(self, leads: Float32Array) -> Ways:
-        """The ways round in which parts with such leads `(6,)` are walked best."""
+        """Return whether to simulate mirrored, given the leads `(6,)` of the parts."""
         mirrored = bool(leads.sum() < -MIRROR_LEAD_FRACTION)
         return Ways(mirrored, any(self.other_limbs(leads, mirrored)))
 
     def other_limbs(self, leads: Float32Array, mirrored: bool) -> tuple[float, ...]:
-        """Of the four limbs 1 for those that are shown much better the other way round, else 0."""
+        """Return 1 for each of the four limbs that is shown much better the other way round, else 0."""
         better = (leads if mirrored else -leads)[:LIMBS] >= LIMB_LEAD_FRACTION
         return tuple(better.astype(float).tolist())
 
     def drawn_out(self, z: Float32Array) -> Float32Array:
-        """Z^t `(6, 64)` with the parts near a measured code drawn out from neutral by its gain, less so the farther they are.
+        """Return Z^t `(6, 64)` with parts near a measured code exaggerated by its gain, less the farther they are.
 
-        What training saw alone is shown less among others: the gain is that among others, as far as these are unusual.
+        Combinations are shown more weakly than in training: the gain moves to that among other unusual parts as these increase.
         """
         gains, others = np.ones((len(z), 1), np.float32), self._others(z)
         for near in self._nearest(z):

@@ -39,7 +39,7 @@ AREA_M = 14.0  # random paths turn back at this distance from the origin
 
 @dataclass(frozen=True)
 class PlanarPose:
-    """Where the character is: metres and radians."""
+    """Position (metres) and yaw (radians) of the character on the ground."""
 
     x: float
     z: float
@@ -50,9 +50,9 @@ ControlScript = Callable[[float, PlanarPose], Controls]  # seconds since the sta
 
 
 def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> ControlScript:
-    """Script of one of `PATH_NAMES` in one of `GAITS`; `speed` 0..1 is the fraction of the full stick.
+    """Return the control script of one of `PATH_NAMES` in one of `GAITS`; `speed` 0..1 is the fraction of the full stick.
 
-    The same arguments, time and place give the same controls. UsageError names what is unknown.
+    The same arguments, time and place give the same controls. UsageError names an unknown one.
     """
     if gait not in GAITS:
         raise UsageError(f" {gait}: expected {', '.join(GAITS)}.", "Choose one of them.", "gait")
@@ -138,7 +138,7 @@ STUCK_SECONDS, STUCK_M = 4.0, 0.15  # with less progress than this in so long, t
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A point in metres; `speed` (fraction of the full stick) and `gait` belong to the leg that leads to it."""
+    """A point of a path, in metres; `speed` (fraction of the full stick) and `gait` apply on the way to it."""
 
     x: float
     z: float
@@ -156,7 +156,7 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class PointPath:
-    """Legs from point to point; the first one begins where the character stands."""
+    """A path of points on the ground; it starts where the character stands."""
 
     points: tuple[Waypoint, ...]
 
@@ -167,7 +167,7 @@ class PointPath:
             )
 
     def walk_from(self, place: PlanarPose) -> PathWalk:
-        """A stick that leads a character from `place` along the path."""
+        """Return a control script that leads a character from `place` along the path."""
         corners = np.array([(place.x, place.z), *((p.x, p.z) for p in self.points)])
         lengths = np.hypot(*np.diff(corners, axis=0).T)
         return PathWalk(self, corners, np.concatenate([[0.0], np.cumsum(lengths)]))
@@ -175,7 +175,7 @@ class PointPath:
 
 @dataclass
 class PathWalk:
-    """A `ControlScript` with a memory: how far along the path the character has come."""
+    """A `ControlScript` along a path; it remembers how far the character has come."""
 
     path: PointPath
     corners: Array  # (n + 1, 2) x and z, metres
@@ -187,7 +187,7 @@ class PathWalk:
 
     @property
     def ended(self) -> bool:
-        """Whether the stick rests for good: at the end, or where there is no way on."""
+        """Whether the walk is over: at the end, or where the character is stuck."""
         return self.arrived or self.stuck
 
     def __call__(self, time: float, place: PlanarPose) -> Controls:
@@ -239,7 +239,7 @@ _FORM = re.compile(
 
 @dataclass(frozen=True)
 class StickSegment:
-    """A position of the stick: degrees, fraction of the full stick, degrees or None, seconds."""
+    """A stick position held for some seconds: heading and facing in degrees, `amount` as a fraction of the full stick."""
 
     gait: Gait
     seconds: float
@@ -256,7 +256,7 @@ class StickSegment:
 
     @property
     def controls(self) -> Controls:
-        """What the stick requests."""
+        """Return the controls of this stick position."""
         if self.gait in (Gait.STAND, Gait.JUMP):
             return Controls()
         facing = None if self.facing is None else _direction(self.facing)
@@ -266,7 +266,7 @@ class StickSegment:
 
 @dataclass(frozen=True)
 class StickScript:
-    """Segments in order; called with seconds since the start (and the place, which it ignores) it is a `ControlScript`."""
+    """Stick segments in order; a `ControlScript` that depends on time alone."""
 
     segments: tuple[StickSegment, ...]
 
@@ -275,7 +275,7 @@ class StickScript:
 
     @property
     def seconds(self) -> float:
-        """The length of all segments."""
+        """Total duration in seconds."""
         return sum(segment.seconds for segment in self.segments)
 
     @cached_property
@@ -303,7 +303,7 @@ class StickScript:
 
 
 def parse_stick(text: str) -> StickScript:
-    """Read a script of the form above; UsageError names the segment that cannot be read and why."""
+    """Parse the text form of a stick script; UsageError names the segment that cannot be read and why."""
     if len(text) > MAX_CHARACTERS:
         raise _error(f"{len(text)} characters; expected at most {MAX_CHARACTERS}")
     segments = tuple(_segment(part.strip()) for part in text.split(";") if part.strip())

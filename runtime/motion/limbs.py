@@ -29,7 +29,7 @@ _DOWN = np.array([0.0, -1.0, 0.0])
 
 @dataclass(frozen=True)
 class Limb:
-    """An arm or a leg."""
+    """An arm or a leg that is kept out of walls."""
 
     upper: int  # joints: of the shoulder or hip,
     lower: int  # of the elbow or knee,
@@ -57,10 +57,10 @@ KEYFRAMED = (
 def resolve_penetration(
     hips: Array, local: Array, before: Array, terrain: Terrain, limbs: tuple[Limb, ...] = LIMBS
 ) -> Array:
-    """Local rotations `(31, 4)` whose `limbs` hang down as far as they must to be out of the ground.
+    """Return local rotations `(31, 4)` whose `limbs` hang down as far as needed to leave the ground.
 
-    `before` are those of the last frame, which arms turn away from no faster than `MAX_ARM_TURN_RAD_PER_FRAME` out of need, and no limb
-    faster than `MAX_TURN_RAD_PER_FRAME`.
+    `before` are those of the last frame: arms turn by at most `MAX_ARM_TURN_RAD_PER_FRAME`, any limb by at most
+    `MAX_TURN_RAD_PER_FRAME`.
     """
     result = _slowed(no_faster(local, before), before, _ARMS, limbs[0].turns[0])
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
@@ -231,7 +231,7 @@ def _turned(before: Array, after: Array, most: float | Array) -> Array:
 
 
 def no_faster(local: Array, before: Array) -> Array:
-    """Local rotations `(31, 4)` with limbs turned from those of the frame `before` by at most `MAX_TURN_RAD_PER_FRAME`."""
+    """Return local rotations `(31, 4)` with limbs turned by at most `MAX_TURN_RAD_PER_FRAME` since the frame `before`."""
     return _slowed(local, before, _ARMS + _LEGS, MAX_TURN_RAD_PER_FRAME)
 
 

@@ -32,9 +32,9 @@ FIELD_M = 200.0
 def perceptual_weights(
     model: MotionModel, a: Array, b: Array, strength: float = 1.0, pause: float = 0.0
 ) -> Shares:
-    """Shares of style `b` `(6, 64)` at which 0, 1/12, 2/12 ... of the change from style `a` is done.
+    """Return the weights of style `b` `(6, 64)` at which 0, 1/12, 2/12 ... of the visible change from style `a` is done.
 
-    `pause` seconds pass between frames, for threads in the interpreter of a window.
+    `pause` is slept between frames (seconds), so that a worker thread does not block the window's.
     """
     fractions = np.linspace(0.0, 1.0, WALKERS)
     mixed = [StyleMix((1.0 - fraction, fraction), (a, b)) for fraction in fractions.tolist()]
@@ -46,7 +46,7 @@ def perceptual_weights(
 
 
 def walks(model: MotionModel, styles: Sequence[StyleMix], strength: float = 1.0, pause: float = 0.0) -> Array:
-    """Mean and deviation of the joints `(W, 186)` of a straight walk in every style, seen from the root, in metres."""
+    """Return mean and deviation of the joints `(W, 186)` of a straight walk in each style, in the root frame, metres."""
     ground = Terrain.flat(size_m=FIELD_M, cell_m=10.0)
     walkers = [Controller(model, ground, 0, strength=strength) for _ in styles]
     for walker, style in zip(walkers, styles, strict=True):

@@ -48,9 +48,9 @@ def root_velocity(
     terrain: Terrain,
     response: Sequence[float],
 ) -> Array:
-    """The velocities `(N, 2)` (m/s) that the roots take of the network's in their frames; writes the speeds and the strides.
+    """Return the root velocities `(N, 2)` (m/s) in root frames, from the network's; updates root speeds and strides.
 
-    Contacts `(N, 4)` are the network's; `response` is 0 for a captured body and 1 for a player's.
+    `contacts` `(N, 4)` are the network's; `response` is 0 (as captured) to 1 (game).
     """
     root, measured = state.root_speed.tolist(), state.measured_speed.tolist()
     jogs = (state.trajectory.gait[:, PRESENT, Gait.JOG] > 0.5).tolist()
@@ -122,7 +122,7 @@ GAIT_CHANGE_FRACTION = 0.03  # of the labels of gait in a frame: a body crouches
 
 
 def rest_share(state: CharacterState) -> list[float]:
-    """How far each body has come to rest: 0 while it moves or gesticulates, 1 when its plan stands still."""
+    """Return how far each body has come to rest: 0 while it moves or gestures, 1 when its plan stands still."""
     return [
         0.0
         if wished > 0.0 or jump.airborne
@@ -138,9 +138,9 @@ def rest_share(state: CharacterState) -> list[float]:
 
 
 def settled_pose(state: CharacterState, local: Array, joints: Array, contacts: Array) -> tuple[Array, Array]:
-    """The network's pose as far as a body at rest moves towards it in a frame; writes `state.settling`.
+    """Return the pose to show: the network's, slowed as a body settles; updates `state.settling`.
 
-    Local rotations `(N, 31, 4)` and joints `(N, 31, 3)`, relative to the root; contacts `(N, 4)`.
+    Local rotations `(N, 31, 4)` and joints `(N, 31, 3)` are relative to the root; contacts `(N, 4)`.
     """
     free = [_is_free(state, i) for i in range(len(state))]
     still = [free[i] and _stands_still(state, i) for i in range(len(state))]
@@ -175,7 +175,7 @@ def _stands_still(state: CharacterState, i: int) -> bool:
 
 
 def over_feet(state: CharacterState, i: int) -> tuple[float, float]:
-    """Velocity (m/s, X and Z) that brings a calm body over its feet: one that stops leaves them up to 0.2 m behind."""
+    """Return the velocity (m/s, X and Z) that brings a body at rest over its feet, which a stop leaves up to 0.2 m behind."""
     feet, fraction = state.feet[i], 1.0 - float(state.settling.fraction[i]) / NEARLY_AT_REST_FRACTION
     if fraction <= 0.0 or not all(feet.held):
         return 0.0, 0.0

@@ -31,7 +31,7 @@ class _Field(NamedTuple):
 
 
 def unsigned_weights(data: bytes) -> bytes:
-    """An ONNX model whose initializers of type int8 are of type uint8, 128 larger; ValueError where `data` is no model."""
+    """Convert the int8 initializers of an ONNX model to uint8, adding 128; ValueError if `data` is not a model."""
     out = bytearray()
     for field in _fields(data):
         if (field.number, field.kind) == (_GRAPH, _BYTES):

@@ -29,7 +29,7 @@ _REMEDY = "Export the ground as one OBJ or PLY in metres, Y up."
 
 
 def read_mesh(path: Path, cell_m: float) -> tuple[Array, tuple[float, float]]:
-    """Heights of the mesh's highest surface every `cell_m`, and x, z of the first sample; FileError says what is wrong."""
+    """Return the mesh's highest surface sampled every `cell_m`, and x, z of the first sample; FileError says what is wrong."""
     try:
         with np.errstate(all="ignore"):
             vertices, faces = _geometry(path)
@@ -200,7 +200,7 @@ def _rectangles(triangles: Array, shape: tuple[int, int]) -> tuple[NDArray[np.in
 
 
 def rasterise(triangles: Array, shape: tuple[int, int]) -> Array:
-    """Highest y of triangles `(n, 3, 3)` over each grid point (x, z in cells) of `shape`; gaps take the lowest y."""
+    """Return the highest y of triangles `(n, 3, 3)` at each grid point (x, z in cells) of `shape`; gaps take the lowest y."""
     heights = np.full(shape, -np.inf)
     first, size = _rectangles(triangles, shape)
     cells = np.prod(size, axis=1)

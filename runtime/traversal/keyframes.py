@@ -48,7 +48,7 @@ RIGHT_ANGLE_RAD = 1.5708
 
 @dataclass(frozen=True)
 class TraversalPose:
-    """One frame of a traversal in its own frame."""
+    """A pose of a traversal, in the traversal's own frame."""
 
     hips: Array  # (3,) metres
     local: Array  # (31, 4) rotations relative to the parent; those of the hips are in the traversal's frame
@@ -56,7 +56,7 @@ class TraversalPose:
 
 
 class Track:
-    """A curve through keys: cubic, without overshoot, at rest before the first and behind the last."""
+    """A cubic spline through keys, without overshoot, constant before the first and after the last."""
 
     def __init__(self, keys: Sequence[Sequence[float]]) -> None:
         """`keys`: rows of a time in seconds, rising, and the values there."""
@@ -76,7 +76,7 @@ class Track:
         self._tangents: list[list[float]] = tangents.tolist()
 
     def at(self, t: float) -> list[float]:
-        """The values at a time in seconds."""
+        """Return the interpolated values at `t` seconds."""
         k = bisect_right(self._times, t)
         if k == 0 or k == len(self._times):
             return self._values[min(k, len(self._times) - 1)]
@@ -91,18 +91,18 @@ class Track:
 
 
 def beyond(distance: float, easy: float, slack: float) -> float:
-    """How far (metres) to come nearer so that `distance` becomes at most `easy + slack`; begins without a kink."""
+    """Return how far (metres) to shorten `distance` to at most `easy + slack`, with a smooth onset."""
     over = max(distance - easy, 0.0)
     return over * over / (4.0 * slack) if over < 2.0 * slack else over - slack
 
 
 def quaternions(local: Array) -> list[Quaternion]:
-    """Rotations `(31, 4)` as tuples of floats."""
+    """Return rotations `(31, 4)` as tuples of floats."""
     return [(w, x, y, z) for w, x, y, z in np.asarray(local, np.float64).tolist()]
 
 
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
-    """From a (fraction 0) to b (1) along the shorter arc."""
+    """Interpolate spherically from a (fraction 0) to b (1) along the shorter arc."""
     c = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = -1.0 if c < 0.0 else 1.0
     angle = acos(min(1.0, abs(c)))
@@ -118,7 +118,7 @@ def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
 
 
 def bend_trunk(local: list[Quaternion], lean: float, twist: float, look: float) -> None:
-    """Bend spine and neck in place (radians): forward, towards the left about the spine, and the face down."""
+    """Rotate spine and neck in place (radians): lean forward, twist to the left, and look down."""
     for joint, fraction in zip(SPINE, SPINE_SHARES, strict=True):
         local[joint] = multiply(from_vector((fraction * lean, fraction * twist, 0.0)), local[joint])
     for joint in NECK:
@@ -134,10 +134,10 @@ def place_foot(
     knee_out: float,
     free: float,
 ) -> Vector:
-    """Bring one leg's toe joint to `toe` in place, its foot turned to `foot` (in the frame of `hips`).
+    """Place one leg's toe joint at `toe`, with the foot's world rotation `foot`, and return the knee's position.
 
-    `knee_out` (radians) turns the knee outwards about the line from hip to ankle. A leg that
-    is `free` (0..1) never gets straight: a knee that unlocks has any speed. Returns the knee's place.
+    `knee_out` (radians) turns the knee outwards about the hip-ankle line. A leg that is `free` (0..1) never gets
+    straight, since a straight knee unlocks at any speed.
     """
     bones = LEGS[side]
     leg = leg_forward(bones, hips, local)
@@ -154,7 +154,7 @@ def place_foot(
 
 
 def shoulder_frame(local: list[Quaternion], side: int, hips: Vector) -> tuple[Quaternion, Vector]:
-    """World rotation of a shoulder and the place of its upper arm, in the frame of `hips`."""
+    """Return the world rotation of a shoulder and the position of its upper arm, for hips at `hips`."""
     turn, place = local[0], hips
     for joint in (*SPINE, *ARMS[side][:2]):
         place = add(place, rotate(turn, _OFFSETS[joint]))
@@ -172,9 +172,9 @@ def place_hand(
     hand: Quaternion,
     weight: float,
 ) -> None:
-    """Bring one arm's wrist to `wrist` in place, its hand turned to `hand`, as far as `weight` says (0..1).
+    """Place one arm's wrist at `wrist` with the hand's rotation `hand`, blended by `weight` (0..1).
 
-    The elbow points to `pole`. The forearm takes the hand's twist, as its two bones do.
+    The elbow points towards `pole`. The forearm takes part of the hand's twist, as its two bones do.
     """
     base, place = shoulder_frame(local, side, hips)
     _, upper_joint, fore_joint, hand_joint = ARMS[side]
@@ -233,10 +233,10 @@ FADE_S = 0.25  # at both ends: inverse kinematics takes over the incoming legs
 
 @dataclass(frozen=True)
 class KeyframedMotion:
-    """Tracks over the seconds at tempo 1; metres and radians in the traversal's frame, left before right.
+    """Tracks of a keyframed motion; metres and radians in the traversal's frame, left before right.
 
-    A foot stands where the incoming pose has it when the root is at the start or at the end: its place is a fraction of
-    each of both plus a place of its own, so that it lands in the stance of the style.
+    A foot's position is a weighted sum of its incoming positions at start and end, plus an offset, so that it lands in
+    the style's own stance.
     """
 
     seconds: float
@@ -254,7 +254,7 @@ class KeyframedMotion:
     elbows: tuple[Vector, Vector]  # where they point
 
     def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
-        """The pose at `t` seconds (tempo 1) over the incoming `hips` `(3,)` and `local` `(31, 4)`."""
+        """Return the pose at `t` seconds (tempo 1) for the incoming `hips` `(3,)` and `local` `(31, 4)`."""
         incoming = quaternions(local)
         x, y, z = (float(c) for c in hips)
         mine = list(incoming)
@@ -331,19 +331,19 @@ class KeyframedMotion:
 
 
 def flat_hand(side: int, inward: float, down: float) -> Quaternion:
-    """World rotation of a hand (0 left, 1 right) with its palm down: fingers ahead, turned inwards and down (radians)."""
+    """Return the world rotation of a hand (0 left, 1 right), palm down, with fingers turned inwards and down (radians)."""
     half = 0.5 * (RIGHT_ANGLE_RAD + inward) * (-1.0 if side == 0 else 1.0)
     turn = (cos(half), 0.0, sin(half), 0.0)
     return multiply(from_vector((down, 0.0, 0.0)), turn)
 
 
 def timed(rows: Rows, seconds: float) -> Track:
-    """Return a track of rows, whose times are given as fractions of `seconds`."""
+    """Return a track from rows whose times are fractions of `seconds`."""
     return Track([(row[0] * seconds, *row[1:]) for row in rows])
 
 
 def both_sides(lead: Rows, trail: Rows, seconds: float) -> tuple[Track, Track]:
-    """Tracks, left before right, of the foot that goes first and of the other."""
+    """Return the tracks of the left and right foot from those of the leading and the trailing one."""
     tracks = {LEAD: timed(lead, seconds), TRAIL: timed(trail, seconds)}
     return tracks[0], tracks[1]
 
@@ -355,7 +355,7 @@ def stands(
     whole: float = 1.0,
     heel_on: float | None = None,
 ) -> Rows:
-    """Rows of the contacts of heel and toe of a foot that stands; its heel may come later and leave first."""
+    """Return contact rows of heel and toe for a standing foot; the heel may land later and lift earlier than the toe."""
     toe_off = heel_off if toe_off is None else toe_off
     soon = 0.012 * whole
     rows: Rows = [] if begin == 0 else [(begin - soon, 0, 0)]

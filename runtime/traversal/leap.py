@@ -66,7 +66,7 @@ HEEL_UP_FRACTION, LANDING_TURN_FRACTION, ROLL_FRACTION = 0.35, 0.8, 1.6
 
 @dataclass(frozen=True)
 class LeapStart:
-    """What a leap begins with, in the frame of the traversal."""
+    """The state at the start of a leap, in the frame of the traversal."""
 
     start_z: float  # of the root
     speed: float  # m/s
@@ -79,14 +79,14 @@ class LeapStart:
 
 
 def takeoff_m(kind: ObstacleKind, top: float, speed: float) -> float:
-    """How far before an obstacle's edge the stance foot's ankle stands at best; `speed` of the root in m/s."""
+    """Return the best distance (metres) of the stance ankle from the obstacle's edge at take-off; `speed` of the root in m/s."""
     if kind is ObstacleKind.BAR:
         return BAR_TAKEOFF_M + TAKEOFF_TOP_FRACTION * top + TAKEOFF_S * max(speed - 1.0, 0.0)
     return EDGE_TAKEOFF_M if kind in (ObstacleKind.GAP, ObstacleKind.DOWN) else STEP_TAKEOFF_M
 
 
 class Leap:
-    """The plan of one traversal, as tables of a row for each frame."""
+    """The plan of a leap, as tables with one row per frame."""
 
     def __init__(
         self, kind: ObstacleKind, length: float, top: float, beyond: float, stride: LeapStart
@@ -205,11 +205,11 @@ class Leap:
         return rise - spread * fade
 
     def root_z(self, t: float) -> float:
-        """The root's place along the way at `t` seconds."""
+        """Return the root's position (metres) along the path at `t` seconds."""
         return float(np.interp(self.stride.elapsed + t, self._t, self._root))
 
     def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
-        """The traversal's pose at `t` seconds in place of the network's: `hips` `(3,)` over ground 0, `local` `(31, 4)`."""
+        """Return the leap's pose at `t` seconds, from the network's `hips` `(3,)` over ground 0 and `local` `(31, 4)`."""
         row = min(max(round(t * FPS), 0), self._count)
         raised = hips + np.array([0.0, self._rise[row], 0.0])
         targets = np.array([plan.ankle[row] for plan in self._plans])
@@ -229,7 +229,7 @@ class _FootPlan:
         self.rotation = rotations.multiply(rotations.from_yaw(np.full(len(pitch), yaw)), _pitched(pitch))
 
     def clear(self, profile: Callable[[Array], Array]) -> None:
-        """Raise the swing until the sole is over the obstacle."""
+        """Raise the swing so that the sole clears the obstacle."""
         u = self._swing
         points = [
             (self.ankle, ANKLE_HEIGHT),

@@ -54,7 +54,7 @@ def _motion(kind: str, numbers: tuple[float, ...]) -> Leap | Climb:
 
 @dataclass
 class Traversal:
-    """State of one character's traversal, from frame to frame."""
+    """State of one character's traversal, carried from frame to frame."""
 
     kind: str = field(default="", metadata={"choices": KINDS})  # of the traversal under way
     stopped: bool = False  # before ground that it neither walks on nor crosses
@@ -75,21 +75,21 @@ class Traversal:
 
     @property
     def climbing(self) -> bool:
-        """Whether it goes up or down by itself, whatever the stick says."""
+        """Whether it climbs up or down, regardless of the stick."""
         return self.kind in ("climb", "descend")
 
     @property
     def motion(self) -> Leap | Climb:
-        """What is crossed by; only while there is a `kind`."""
+        """The motion of the traversal; only valid while `kind` is set."""
         return _motion(self.kind, self.numbers)
 
     @property
     def rise(self) -> float:
-        """Of the ground behind the obstacle, m."""
+        """Height of the ground behind the obstacle (metres)."""
         return self.numbers[0] if self.climbing else self.numbers[2]
 
     def path(self, heading: Array) -> Array:
-        """Where the root goes (XZ, a unit vector): mostly as it has gone, for feet land there, and towards the stick's `heading`."""
+        """Return the root's path (XZ, a unit vector): a mix of its past velocity, where feet will land, and the stick's `heading`."""
         speed = float(np.linalg.norm(self.steps.velocity))
         if speed < WALKING_SPEED_M_PER_S:
             return heading
@@ -98,9 +98,9 @@ class Traversal:
         return mixed / size if size > 0.5 else heading
 
     def probe(self, terrain: Terrain | None, place: Array, heading: Array, speed: float) -> ObstacleProbe:
-        """What lies ahead of a root at `place` (XZ) that is to go to `heading` (XZ); remembers whether it stops.
+        """Return what lies ahead of a root at `place` (XZ) with the stick at `heading` (XZ); updates whether it is stopped.
 
-        `speed` is the root's, m/s; `terrain` None where it is known to hold nothing, or nothing is requested.
+        `speed` is the root's, m/s; `terrain` is None if it holds no obstacle, or nothing is requested.
         """
         if self.climbing:
             found = CLIMBING
@@ -113,7 +113,7 @@ class Traversal:
 
 
 def is_possible(traversal: Traversal) -> bool:
-    """Whether the numbers of a traversal that was read from a file describe one of its kind."""
+    """Return whether a traversal read from a file is valid for its kind."""
     numbers = traversal.numbers
     over, farthest = traversal.over, max(map(abs, numbers), default=0.0)
     seen = abs(traversal.sight) <= MAX_SIGHT_FRACTION
@@ -138,7 +138,7 @@ def _is_leap_possible(speed: float, seconds: float, elapsed: float, stance: floa
 
 
 def end_when_over(traversal: Traversal) -> bool:
-    """Whether the frame just shown was the traversal's last; it is over then."""
+    """End the traversal if the frame just shown was its last; return whether it ended."""
     if traversal.time < traversal.motion.seconds - 0.5 * DT:
         return False
     motion, steps = traversal.motion, traversal.steps

@@ -34,7 +34,7 @@ TakeChange = Callable[[Take, Items, Items], tuple[Take, Items]]
 
 
 def item_kinds(editing: Resimulation, pins: Pins) -> dict[str, ItemKind]:
-    """Return every kind of item by its name, in the order of the tracks."""
+    """Return every kind of item by name, in track order."""
 
     def of_take(items: Callable[[Take], list[Item]]) -> Callable[[], list[Item]]:
         return lambda: [] if editing.take is None else items(editing.take)

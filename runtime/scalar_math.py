@@ -14,6 +14,8 @@ from runtime.pose import FPS
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 DECAY_RATE_PER_S = 1.3862943611  # 2 ln 2, of a critically damped spring with a half-life of one second
+MIN_SIZE = 1e-6  # m or m/s: a shorter vector has no direction
+MIN_DIVISOR = 1e-9  # keeps a quotient finite; far below whatever is measured
 
 
 def smoothstep(value: float) -> float:

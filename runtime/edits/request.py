@@ -36,6 +36,9 @@ PACED = len(LEG)  # the column of a leg's pace
 USUAL_OUTWARD_M, NARROW_OUTWARD_M = 0.05, 0.02
 MOST_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # that is added
 MAX_TARGET = 200.0  # degrees, metres of any target; of an open end
+MIN_WEIGHT = 1e-6  # of a target: less asks for nothing
+MIN_ADDED = 1e-4  # degrees, metres: what is taken back ends there
+MIN_SEEN = 1e-3  # degrees, metres, times: less is not seen
 Target = list[float]  # weight, and both ends of the range times that
 Targets = list[Target]  # of one part
 
@@ -53,12 +56,12 @@ class EditRequest(NamedTuple):
 def range_of(target: Target) -> tuple[float, float]:
     """Return the lowest and highest value that a target asks for; the widest range if it asks for nothing."""
     weight, low, high = target
-    return (low / weight, high / weight) if weight > 1e-6 else (-MAX_TARGET, MAX_TARGET)
+    return (low / weight, high / weight) if weight > MIN_WEIGHT else (-MAX_TARGET, MAX_TARGET)
 
 
 def least_of(target: Target) -> float:
     """Return the lowest value that a target asks for, or 0 if it asks for nothing."""
-    return target[1] / target[0] if target[0] > 1e-6 else 0.0
+    return target[1] / target[0] if target[0] > MIN_WEIGHT else 0.0
 
 
 def lacking(target: Target, shown: float) -> float:
@@ -69,7 +72,7 @@ def lacking(target: Target, shown: float) -> float:
 
 def asks(targets: Targets) -> bool:
     """Return whether any of the targets has a weight."""
-    return any(target[0] > 1e-6 for target in targets)
+    return any(target[0] > MIN_WEIGHT for target in targets)
 
 
 def narrow(targets: list[Targets]) -> float:
@@ -89,7 +92,7 @@ def narrow(targets: list[Targets]) -> float:
 def followed(added: float, missing: float, half_life: float) -> float:
     """Return the added amount one frame later, moving towards `missing`; exactly 0 once an edit has faded out."""
     now = added + (1.0 - decay(half_life)) * (missing - added)
-    return 0.0 if missing == 0.0 and abs(now) < 1e-4 else now
+    return 0.0 if missing == 0.0 and abs(now) < MIN_ADDED else now
 
 
 def limited(value: float, most: float) -> float:
@@ -126,7 +129,7 @@ class Swing:
         """Return the factor of the swing to add so that it falls in the target range; swings under `smallest` do not count as rhythm."""
         low, high = range_of(target)
         more = min(max(low / max(self.range, smallest) - 1.0, 0.0), most)
-        return target[0] * self.known * (more + min(max(high, 0.0) / max(self.range, 1e-3) - 1.0, 0.0))
+        return target[0] * self.known * (more + min(max(high, 0.0) / max(self.range, MIN_SEEN) - 1.0, 0.0))
 
 
 def written_targets(targets: Array) -> list[list[float]]:

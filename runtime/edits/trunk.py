@@ -15,6 +15,8 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.edits.request import (
+    MIN_SEEN,
+    MIN_WEIGHT,
     ROW_TRUNK,
     TRUNK,
     EditRequest,
@@ -130,7 +132,7 @@ class TrunkEdit:
         elif self.lean.known > 0.0:
             vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
         weight, most = targets[FOLD][0], range_of(targets[FOLD])[1]
-        if weight > 1e-6:
+        if weight > MIN_WEIGHT:
             leans = shown[LEAN] + lean
             lean -= weight * _too_far(leans, self._bound(most))
             lean += weight * _too_far(-leans, self._back(min(range_of(targets[LEAN])[1], 0.0)))
@@ -145,7 +147,7 @@ class TrunkEdit:
     @property
     def active(self) -> bool:
         """Whether the edit currently changes the trunk."""
-        return any(abs(getattr(self, name)) > 1e-3 for name in _ADDED)
+        return any(abs(getattr(self, name)) > MIN_SEEN for name in _ADDED)
 
     def _bound(self, fold: float) -> float:
         return max(fold, self.steady + STEADY_LEAN_MARGIN_DEGREES)

@@ -6,6 +6,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE
 from runtime.skeleton import SPORT_SKELETON, Skeleton
 
 # hips → hip joint → thigh → shin → foot, as joint indices of the SPORT skeleton (left, right)
@@ -20,6 +21,9 @@ MAX_REACH = 0.9998
 # of the leg's length: what a leg straightens beyond its own pose is approached with falling speed
 EASE_REACH_FRACTION = 0.001
 MIN_REACH_FRACTION = 0.2  # of the leg's length: about 155 degrees of knee flexion
+MIN_OPENING_M = 1e-4  # of the ankle from where a leg is folded wholly
+MIN_BEND_M = 1e-5  # of a knee off the line from hip to ankle, from which it has a plane
+MAX_HELPER_COSINE = 0.9  # of a leg along Z, up to which +Z tells its plane
 POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset
 _FORWARD = np.array([0.0, 0.0, 1.0])
 
@@ -33,7 +37,7 @@ def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Arr
     """
     length = np.asarray(length)
     start = np.maximum((MAX_REACH - EASE_REACH_FRACTION) * length, np.minimum(span, length))
-    room = np.maximum(MAX_REACH * length - start, 1e-9 * length)
+    room = np.maximum(MAX_REACH * length - start, MIN_DIVISOR * length)
     over = np.clip(np.asarray(distance) - start, 0.0, 2.0 * room)
     eased = np.minimum(distance, start) + over - over * over / (4.0 * room)
     return np.maximum(eased, MIN_REACH_FRACTION * length)
@@ -49,13 +53,13 @@ def two_bone(
     their lengths; a target out of reach is approached along its line (see `soft_reach`).
     """
     hip, knee, ankle, target = (np.asarray(a, np.float64) for a in (hip, knee, ankle, target))
-    upper, lower = np.maximum(_length(knee - hip), 1e-6), np.maximum(_length(ankle - knee), 1e-6)
+    upper, lower = np.maximum(_length(knee - hip), MIN_SIZE), np.maximum(_length(ankle - knee), MIN_SIZE)
     to_target = target - hip
     wanted = _length(to_target)
     axis = rotations.normalize(ankle - hip)
-    aim = rotations.normalize(np.where(wanted[..., None] > 1e-6, to_target, axis))
+    aim = rotations.normalize(np.where(wanted[..., None] > MIN_SIZE, to_target, axis))
     distance = soft_reach(wanted, upper + lower, _length(ankle - hip))
-    distance = np.maximum(distance, np.abs(upper - lower) + 1e-4)
+    distance = np.maximum(distance, np.abs(upper - lower) + MIN_OPENING_M)
 
     bend = _bend_direction(axis, knee - hip, pole)
     swing = rotations.between(axis, aim)
@@ -113,9 +117,9 @@ def _bend_direction(axis: Array, knee: Array, pole: Array | None) -> Array:
     bend = _perpendicular(knee, axis)
     if pole is None:
         # a straight leg without a hint bends towards +Z, or +Y when the leg lies along Z
-        helper = np.where(np.abs(axis[..., 2:]) < 0.9, _FORWARD, np.array([0.0, 1.0, 0.0]))
+        helper = np.where(np.abs(axis[..., 2:]) < MAX_HELPER_COSINE, _FORWARD, np.array([0.0, 1.0, 0.0]))
         fallback = rotations.normalize(_perpendicular(helper, axis))
-        return rotations.normalize(np.where(_length(bend)[..., None] > 1e-5, bend, fallback))
+        return rotations.normalize(np.where(_length(bend)[..., None] > MIN_BEND_M, bend, fallback))
     forward = rotations.normalize(_perpendicular(np.asarray(pole, np.float64), axis))
     bend = bend + POLE_WEIGHT_M * forward
     against = np.sum(bend * forward, axis=-1, keepdims=True)

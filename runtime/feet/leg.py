@@ -12,8 +12,10 @@ from dataclasses import dataclass, field
 from math import acos, asin, atan2, copysign, cos, dist, hypot, radians, sin, sqrt
 from typing import NamedTuple
 
-from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH, MIN_REACH_FRACTION, POLE_WEIGHT_M
+from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH, MIN_OPENING_M, MIN_REACH_FRACTION, POLE_WEIGHT_M
 from runtime.scalar_math import (
+    MIN_DIVISOR,
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -110,12 +112,12 @@ def leg_inverse(
     lower = subtract(leg.ankle, leg.knee)
     hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
     # far from the origin a float no longer tells hip from knee: a bone without length must not divide
-    a, b = max(length(upper), 1e-6), max(length(lower), 1e-6)
+    a, b = max(length(upper), MIN_SIZE), max(length(lower), MIN_SIZE)
     axis = unit(subtract(leg.ankle, leg.hip))
     to_target = subtract(target, hip)
     wanted = length(to_target)
-    aim = unit(to_target) if wanted > 1e-6 else axis
-    d = max(soft_reach(wanted, a + b, dist(leg.ankle, leg.hip)), abs(a - b) + 1e-4)
+    aim = unit(to_target) if wanted > MIN_SIZE else axis
+    d = max(soft_reach(wanted, a + b, dist(leg.ankle, leg.hip)), abs(a - b) + MIN_OPENING_M)
     swing = between(axis, aim)
     bend = rotate(swing, _bend(axis, upper, rotate(leg.thigh, (0.0, 0.0, 1.0))))
     c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
@@ -155,7 +157,7 @@ def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
 def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
     """Scalar twin of `runtime.feet.ik.soft_reach`."""
     start = max((MAX_REACH - EASE_REACH_FRACTION) * leg_length, min(span, leg_length))
-    room = max(MAX_REACH * leg_length - start, 1e-9 * leg_length)
+    room = max(MAX_REACH * leg_length - start, MIN_DIVISOR * leg_length)
     over = min(max(distance - start, 0.0), 2.0 * room)
     return max(min(distance, start) + over - over * over / (4.0 * room), MIN_REACH_FRACTION * leg_length)
 
@@ -209,7 +211,7 @@ class Knee:
         change = min(max(speed - self.speed, -FASTEST_BEND * dt), FASTEST_BEND * dt)
         self.incoming, self.speed = incoming, self.speed + change
         self.flexion = max(self.flexion + self.speed * dt, 0.0)
-        return sqrt(max(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(self.flexion), 1e-9))
+        return sqrt(max(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(self.flexion), MIN_DIVISOR))
 
     def bend_to(self, leg: LegPose, hip: Vector, ankle: Vector, bones: LegBones, dt: float) -> None:
         """Update the knee's state after the ground made the leg shorter than requested."""
@@ -244,5 +246,5 @@ def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights,
         return toe
     # after a bend b the tip is raised by ahead_y cos b + up_y sin b
     most = hypot(ahead[1], up[1])
-    bend = atan2(up[1], ahead[1]) - acos(max(min(rise / max(most, 1e-6), 1.0), -1.0))
+    bend = atan2(up[1], ahead[1]) - acos(max(min(rise / max(most, MIN_SIZE), 1.0), -1.0))
     return multiply(toe, (cos(0.5 * bend), -sin(0.5 * bend), 0.0, 0.0))

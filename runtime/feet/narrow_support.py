@@ -27,11 +27,15 @@ PASSES_M = 0.25  # while it is so near to it along the way
 LIFTED_M = 0.06  # and so high
 HALF_LIFE_S = 0.06
 PULL_PER_S, MAX_PULL_M_PER_S = 1.5, 0.3  # of the root's way to the middle; m/s
+MIN_HIPS_WIDTH_M = 1e-3  # seen from above, from which they have a side
+MIN_SQUARED_OFFSET = 1e-8  # m2 of a foot: less is none
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
 ARMS_OUT_RAD = 0.5  # radians that the arms are held out,
 OUT_HALF_LIFE_S = 0.25  # in about twice so long
+LN_2_FACTOR = 0.693  # of an exponent, for a half-life
+MIN_OUT_FRACTION = 1e-3  # of that: less is not seen
 
 
 def may_be_narrow(ground: PointHeights) -> bool:
@@ -43,7 +47,7 @@ def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeigh
     """Return the unit vector to the character's left if it is on ground as narrow as a beam; None elsewhere."""
     across = subtract(legs[0].hip, legs[1].hip)
     size = sqrt(across[0] * across[0] + across[2] * across[2])
-    if size < 1e-3:
+    if size < MIN_HIPS_WIDTH_M:
         return None
     side = (across[0] / size, 0.0, across[2] / size)
     top = max(ground.height(p[0], p[2]) for p in (hips, legs[0].toe, legs[1].toe))
@@ -102,7 +106,7 @@ class SidewaysLead:
             x, vx = damp(self.offset[0], self.velocity[0], goal[0], HALF_LIFE_S, dt)
             z, vz = damp(self.offset[2], self.velocity[2], goal[2], HALF_LIFE_S, dt)
             self.offset, self.velocity = (x, 0.0, z), (vx, 0.0, vz)
-            if goal == NOTHING and x * x + z * z < 1e-8:
+            if goal == NOTHING and x * x + z * z < MIN_SQUARED_OFFSET:
                 self.offset = self.velocity = NOTHING
         elif self.offset == NOTHING:
             return leg
@@ -129,8 +133,8 @@ class Balance:
 
     def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
         """Return local rotations `(31, 4)` with the upper arms turned out, easing in on a beam and out elsewhere."""
-        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-0.693 * dt / OUT_HALF_LIFE_S))
-        if self.fraction < 1e-3:
+        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-LN_2_FACTOR * dt / OUT_HALF_LIFE_S))
+        if self.fraction < MIN_OUT_FRACTION:
             self.fraction = 0.0
             return local
         result = np.array(local, np.float64)

@@ -11,6 +11,8 @@ from runtime.feet.next_step import HEEL_M, NextStep, SteppedOver, has_edges
 from runtime.feet.reach import depth_in_ground, span
 from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import (
+    MIN_DIVISOR,
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -40,6 +42,7 @@ SOLE_REACH_M = 0.07  # from the middle of a sole to where the slope of its groun
 MIN_EDGE_AHEAD_M = 0.03  # higher than a foot stands, and steeper than a slope, ground ahead is an edge
 SEEN_AHEAD_FRACTIONS = (1.0, 0.75, 0.5, 0.25)  # of `look_ahead`, where the ground is looked at
 HEEL_STRIKE_FRACTION = 0.3  # of what is ahead that an ankle clears whose heel strikes first
+FALLING_FRACTION = 0.25  # of `look_ahead`, by which the fall or rise of a foot counts for what it clears
 CONTACT_HYSTERESIS_RATIO = 1.5  # times its bounds, for a point that was in contact
 
 
@@ -228,12 +231,12 @@ class PlantedFoot:
                 return target
             # one that was held up before an edge comes back to it, faster and faster
             fastest = self.moved / dt + s.catch_up * dt
-            part = min(1.0, fastest * dt / max(sqrt(x * x + z * z), 1e-9))
+            part = min(1.0, fastest * dt / max(sqrt(x * x + z * z), MIN_DIVISOR))
             return (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
         behind = sqrt((leg.toe[0] - self.toe[0]) ** 2 + (leg.toe[2] - self.toe[2]) ** 2)
         fastest = s.travel_near + s.travel_rise * fraction * fraction / (1.0 - fraction)
         fastest = max(fastest, (behind - s.max_behind) / s.behind_seconds)
-        part = fastest * dt / max(sqrt(x * x + z * z), 1e-9)
+        part = fastest * dt / max(sqrt(x * x + z * z), MIN_DIVISOR)
         if part >= 1.0:
             return target
         return (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
@@ -341,7 +344,7 @@ class PlantedFoot:
             free, clear = 1.0 - chance, moving * moving * s.swing_clearance
             if joint is self.toe:
                 free, clear = max(free, travels), toe_clears
-            soon = max(0.0, ahead - below - 0.25 * s.look_ahead * vy) + clear
+            soon = max(0.0, ahead - below - FALLING_FRACTION * s.look_ahead * vy) + clear
             if joint is self.ankle and heel_strikes:
                 soon = HEEL_STRIKE_FRACTION * soon
             depth = below - s.sink - rest + free * soon
@@ -357,7 +360,7 @@ class PlantedFoot:
         s = SETTINGS
         catching_up = sqrt(self.offset[0] ** 2 + self.offset[2] ** 2) / s.catch_up_seconds
         travels = min(1.0, max(speed, catching_up) / s.travel_speed)
-        shallow = 2.0 - abs(self.climb) / (s.shallow * max(speed, 1e-6))
+        shallow = 2.0 - abs(self.climb) / (s.shallow * max(speed, MIN_SIZE))
         under = -self.heights[0] / s.travel_height
         return travels, travels * travels * min(max(shallow, under, 0.0), 1.0) * s.travel_clearance
 

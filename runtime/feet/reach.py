@@ -9,6 +9,7 @@ from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH
 from runtime.feet.leg import LegBones, LegPose, roll_cosine, rolled, soft_reach
 from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import (
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -62,7 +63,7 @@ def spanned_foot(
     cosine = roll_cosine(to_hip, bones.foot_length, reach)
     if abs(cosine) > 1.0:
         to_target = subtract(target, hip)
-        ankle = add(hip, scale(to_target, reach / max(length(to_target), 1e-6)))
+        ankle = add(hip, scale(to_target, reach / max(length(to_target), MIN_SIZE)))
         toe = add(ankle, sole)
     else:
         turned = rolled(to_hip, along, cosine)

@@ -20,6 +20,7 @@ SKATING_HEIGHT_M = 0.025  # H
 STANDING_M_PER_S = 0.25
 STANDING_M = 0.04
 RESTING_FRACTION = 0.05  # in this fraction of the frames
+CM_PER_M = 100.0
 
 
 def joint_heights(positions: Array, terrain: Terrain, joints: Sequence[int] = TOES) -> Array:
@@ -51,4 +52,4 @@ def skating(
     way = np.diff(positions[:, list(joints)][..., [0, 2]].astype(np.float64), axis=0)
     height = joint_heights(positions, terrain, joints)[1:] - np.asarray(resting_m)
     weight = np.clip(2.0 - 2.0 ** (height / SKATING_HEIGHT_M), 0.0, 1.0)
-    return 100.0 * np.linalg.norm(way, axis=-1) * weight
+    return CM_PER_M * np.linalg.norm(way, axis=-1) * weight

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Float32Array
 from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
+from runtime.scalar_math import MIN_SIZE
 
 MIRROR_LEAD_FRACTION = 0.3  # fraction by which the mirror image of a code must be shown better than the code
 # the same of one limb, for which the network runs twice
@@ -95,7 +96,7 @@ class Calibration:
                 far = np.linalg.norm(self.codes[own] - seen[part], axis=1)
                 k = int(np.argmin(far))
                 length = float(np.linalg.norm(self.codes[own[k]] - self.neutral[part]))
-                off = float(far[k]) / max(length, 1e-6)
+                off = float(far[k]) / max(length, MIN_SIZE)
                 yield _Near(part if sign > 0 else TWINS[part], sign, int(own[k]), off)
 
 

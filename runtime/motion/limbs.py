@@ -11,6 +11,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
@@ -121,7 +122,7 @@ def _depths(terrain: Terrain, limb: Limb, poses: Array, hips: Array) -> Array:
     """Metres `(M, N)` by which a limb's deepest joint in `poses` `(N, 31, 3)` is under the ground anywhere up to `free_m` `(M,)` farther from the hips."""
     joints = poses[:, [limb.lower, *limb.rest]]
     out = (joints - hips)[..., [0, 2]]
-    out = out / np.maximum(np.sqrt((out * out).sum(-1, keepdims=True)), 1e-6)
+    out = out / np.maximum(np.sqrt((out * out).sum(-1, keepdims=True)), MIN_SIZE)
     points = joints[..., [0, 2]] + np.array(limb.free_m)[:, None, None, None] * out
     depths = (terrain.height(points[..., 0], points[..., 1]) - joints[..., 1]).max(-1)
     return np.asarray(np.maximum.accumulate(depths[::-1])[::-1])
@@ -195,7 +196,7 @@ def _way_round(
     grid[:, limb.upper], grid[:, limb.lower] = np.repeat(upper, count, axis=0), np.tile(lower, (count, 1))
     depths = _pose_depths(terrain, limb, hips, grid)[-1].reshape(count, count)
     deepest = _deepest_on(depths)
-    turns = np.maximum(rotations.angle_between(before[moved], wanted[moved]), 1e-9)
+    turns = np.maximum(rotations.angle_between(before[moved], wanted[moved]), MIN_DIVISOR)
     at, fraction = (0, 0), np.zeros(2)
     while at != (count - 1, count - 1):
         steps = [
@@ -205,7 +206,7 @@ def _way_round(
         ]
         goal = min(steps, key=lambda cell: deepest[cell])
         there = TURN_FRACTIONS[list(goal)]
-        room = (MAX_TURN_RAD_PER_FRAME / turns - fraction) / np.maximum(there - fraction, 1e-9)
+        room = (MAX_TURN_RAD_PER_FRAME / turns - fraction) / np.maximum(there - fraction, MIN_DIVISOR)
         part = float(np.where(there > fraction, room, 1.0).min())
         fraction = fraction + min(max(part, 0.0), 1.0) * (there - fraction)
         if part < 1.0:
@@ -227,7 +228,7 @@ def _deepest_on(depths: Array) -> Array:
 def _turned(before: Array, after: Array, most: float | Array) -> Array:
     """Rotations `(..., 4)` on the way to those `after`, no farther than `most` radians."""
     angle = rotations.angle_between(before, after)
-    return rotations.slerp(before, after, np.minimum(1.0, most / np.maximum(angle, 1e-9)))
+    return rotations.slerp(before, after, np.minimum(1.0, most / np.maximum(angle, MIN_DIVISOR)))
 
 
 def no_faster(local: Array, before: Array) -> Array:

@@ -24,6 +24,7 @@ from runtime.motion.mirror import Mirror, mirrored_code
 from runtime.motion.model_files import (
     FOLDED,
     INT8_GRAPH,
+    USUAL_STYLE_SIZE,
     check_graphs,
     choose_precision,
     open_graph,
@@ -65,6 +66,8 @@ LISTS = 8  # of styles that are kept stacked: two calls of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 NEW_MODEL = "Give a style for each, with a newly exported model."
 ROUNDING_M = 1e-3  # of heights that a ground stores
+WALK_RANGE_M_PER_S, JOG_RANGE_M_PER_S = (0.4, 2.2), (1.2, 5.0)  # of a body, whatever the network says
+MIN_JOG_RATIO = 1.3  # of a jog's speed over the walk's
 
 
 class MotionModel:
@@ -88,7 +91,10 @@ class MotionModel:
             int(config["experts"]),
             int(config["output_size"]),
         )
-        self.style_shape = (6, int(config.get("style_size", 384)) // 6)
+        self.style_shape = (
+            len(PART_NAMES),
+            int(config.get("style_size", USUAL_STYLE_SIZE)) // len(PART_NAMES),
+        )
         self._neutral_code, self._strength = _strength(folder, metadata, self.style_shape)
         self._mirror, self.calibration = _calibration(folder, metadata, self.neutral)
         self._swings = MeasuredSwings.read(folder, metadata, self.style_shape)
@@ -164,7 +170,10 @@ class MotionModel:
         bias, weight, content_bias, speeds = run_graph(self._style, path, None, {"z": drawn})
         if not np.isfinite(speeds).all():
             raise ModelError(f"{path}: gives speeds that are not finite.", "Choose another model.")
-        walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
+        walk, jog = (
+            float(np.clip(speeds[0], *WALK_RANGE_M_PER_S)),
+            float(np.clip(speeds[1], *JOG_RANGE_M_PER_S)),
+        )
         rest = np.zeros((C, 2), np.float32)
         if len(speeds) > 2:
             if self._neutral_code is not None:  # legs and trunk of a giant or an angry body probe like waving
@@ -173,7 +182,9 @@ class MotionModel:
                 speeds = run_graph(self._style, path, None, {"z": arms})[3]
             rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T
         rest = rest.astype(np.float32)
-        return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk), rest, swings=self.swings(z))
+        return Style(
+            z, bias, weight, content_bias, walk, max(jog, MIN_JOG_RATIO * walk), rest, swings=self.swings(z)
+        )
 
     def swings(self, z: Float32Array) -> tuple[float, ...]:
         """Return the swing gains for a walk of Z^t `(6, 64)`; 1 if the model has none."""

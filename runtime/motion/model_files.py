@@ -15,7 +15,7 @@ from runtime.errors import ModelError
 from runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE, C
 from runtime.motion.unsigned_weights import unsigned_weights
 from runtime.safe_read import is_text, parse_json, read_bounded, reason
-from runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from runtime.terrain.obstacle_detection import ObstacleKind
 
 if TYPE_CHECKING:
@@ -50,6 +50,8 @@ def signed_products_are_exact() -> bool:
 MAX_METADATA_BYTES = 16 * 1024 * 1024
 MAX_GRAPH_BYTES = 1024 * 1024 * 1024
 MAX_NAME = 200
+USUAL_STYLE_SIZE = 384  # of models that do not say: 64 numbers for each body part
+MAX_EXPERTS, MAX_CODE_SIZE = 1024, 4096
 MAX_START = 1e4  # metres and the like
 REMEDY = "Install the program again, or name another model folder."
 FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
@@ -123,10 +125,10 @@ def _check_config(path: Path, config: dict[str, Any]) -> None:
             "Train a preset with rotations.",
         )
     experts = config.get("experts")
-    if type(experts) is not int or not 1 <= experts <= 1024:
+    if type(experts) is not int or not 1 <= experts <= MAX_EXPERTS:
         raise ModelError(f"{path}: field 'config.experts' is no number of experts.", REMEDY)
-    size = config.get("style_size", 384)
-    if type(size) is not int or not 6 <= size <= 6 * 4096:
+    size = config.get("style_size", USUAL_STYLE_SIZE)
+    if type(size) is not int or not len(PART_NAMES) <= size <= len(PART_NAMES) * MAX_CODE_SIZE:
         raise ModelError(f"{path}: field 'config.style_size' is no size of six codes.", REMEDY)
 
 
@@ -223,7 +225,7 @@ def check_graphs(
 ) -> bool:
     """Return whether `step` takes a style per character; ModelError if the graphs do not fit this program, the metadata or each other."""
     prompt_path = folder / "prompt.onnx"
-    _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, 6, None]})
+    _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, len(PART_NAMES), None]})
     # what comes after z are the distribution's parameters, which evaluation compares (models of version 0.1 lack them)
     _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, *style_shape]})
     style_path, step_path = folder / "style.onnx", folder / f"{step_name}.onnx"

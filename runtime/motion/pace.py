@@ -11,7 +11,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import FPS
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, decay
 
 GAIN_RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL_GAIN = 0.8  # gain for a relative error of one: more of it makes long slow strides leap
@@ -133,14 +133,14 @@ def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool
     `response` is 1 for a body that may start at once.
     """
     (smooth, requested), (measured, root) = planned, shown
-    going = smooth / max(requested, 1e-9)
+    going = smooth / max(requested, MIN_DIVISOR)
     settled = min(max((going - SETTLED_FRACTION) / (1.0 - SETTLED_FRACTION), response), 1.0)
     going = min(max((going - SETTING_OFF_FRACTION) / (1.0 - SETTING_OFF_FRACTION), response), 1.0)
-    longer = min(max(smooth / max(measured, 1e-9), STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
+    longer = min(max(smooth / max(measured, MIN_DIVISOR), STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
     if settled == 1.0:
         return longer
     # a body that has caught up with its plan is not carried past it
-    most = STRETCH[1] if jogs else max(WALK_START_RATIO * requested / max(root, 1e-9), 1.0)
+    most = STRETCH[1] if jogs else max(WALK_START_RATIO * requested / max(root, MIN_DIVISOR), 1.0)
     return min(longer, most + (STRETCH[1] - 1.0) * settled)
 
 

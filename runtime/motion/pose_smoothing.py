@@ -22,7 +22,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.easing import spring
 from runtime.motion.features import DT, FPS
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, decay
 from runtime.skeleton import SPORT_SKELETON, J
 
 ARMS = [
@@ -81,7 +81,7 @@ class Inertialization:
         limit, calm = np.array(limits)[:, None, None], np.array(rest)
         turn = rotations.to_rotation_vector(rotations.multiply(arms, rotations.inverse(last)))
         angle = np.sqrt((turn * turn).sum(-1, keepdims=True))
-        excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, 1e-9))
+        excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, MIN_DIVISOR))
         offset = rotations.from_rotation_vector(self.offset)
         offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
         vector = rotations.to_rotation_vector(offset)
@@ -122,6 +122,7 @@ RATE_HALF_LIFE_S = 0.05  # seconds, half-life, in which the rate changes while a
 SETTLE_HALF_LIFE_S = 0.12  # seconds, half-life, in which the limit goes down,
 WAKE_HALF_LIFE_S = 0.05  # and up again
 WHOLE_FRAME_FRACTION = 1.0 - 1e-6  # of a frame's time: more is all of it
+MIN_RATE_FRACTION = 1e-3  # of it: slower counts as this
 STEPPING_ON_FRACTION = 0.6  # of its usual speed a body keeps until both feet stand
 _FORGETS, _SETTLES, _WAKES = decay(RANGE_HALF_LIFE_S), decay(SETTLE_HALF_LIFE_S), decay(WAKE_HALF_LIFE_S)
 
@@ -172,9 +173,9 @@ class Settling:
                     for each, now in zip(usual[i], speed, strict=True)
                 ]
             limits = zip(usual[i], AT_REST, speed, strict=True)
-            rate = min(max(fractions[i] * each, least) / max(now, 1e-9) for each, least, now in limits)
+            rate = min(max(fractions[i] * each, least) / max(now, MIN_DIVISOR) for each, least, now in limits)
             rate = min(rate, 1.0)
-            even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], 1e-3)))
+            even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], MIN_RATE_FRACTION)))
             rate += (float(self.rate[i]) - rate) * even
             rates.append(
                 rate if rate < WHOLE_FRAME_FRACTION else 1.0

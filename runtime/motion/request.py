@@ -17,7 +17,7 @@ from runtime.motion.root_motion import SPEED_HALF_LIFE
 from runtime.motion.state import CharacterState
 from runtime.motion.style import Style
 from runtime.motion.trajectory import JOG_SHARE, PRESENT, Plan
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, decay
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
 from runtime.terrain.steps import level_ahead
@@ -54,7 +54,7 @@ def _stick(controls: Controls) -> tuple[float, float, float]:
     """X, Z and length of the stick, which is at most `MAX_STICK_LENGTH`."""
     x, z = float(controls.move[0]), float(controls.move[1])
     amount = hypot(x, z)
-    kept = min(1.0, MAX_STICK_LENGTH / max(amount, 1e-9))
+    kept = min(1.0, MAX_STICK_LENGTH / max(amount, MIN_DIVISOR))
     return x * kept, z * kept, amount * kept
 
 
@@ -63,7 +63,7 @@ def probe_paths(
 ) -> list[ObstacleProbe]:
     """Return the obstacle on each character's path that the network cannot cross by itself; updates which traversals are blocked."""
     sticks, here = [_stick(each) for each in controls], state.trajectory.here
-    headings = np.array([(x / max(size, 1e-9), z / max(size, 1e-9)) for x, z, size in sticks])
+    headings = np.array([(x / max(size, MIN_DIVISOR), z / max(size, MIN_DIVISOR)) for x, z, size in sticks])
     clear = _clear(state, headings, terrain)
     probes = []
     for i, traversal in enumerate(state.traversals):

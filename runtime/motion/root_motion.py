@@ -23,7 +23,7 @@ from runtime.motion.pose_smoothing import (
 )
 from runtime.motion.state import CharacterState
 from runtime.motion.trajectory import GAME_RESPONSE_FRACTION, PRESENT
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE, decay
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
@@ -62,7 +62,7 @@ def root_velocity(
         if state.wished_speed[i] == 0.0 and not jump.airborne:
             # a body at rest does not creep: what is faster than the plan fades
             most = max(LAST_SPEED * requested, _COAST ** (GAME_RESPONSE_FRACTION**-haste) * root[i])
-            creep = min(1.0, most / max(speed, 1e-6))
+            creep = min(1.0, most / max(speed, MIN_SIZE))
             x, z, speed = creep * x, creep * z, creep * speed
         root[i], measured[i] = speed, measured[i] + (speed - measured[i]) * _FOLLOWS
         aside_x, aside_z = over_feet(state, i)
@@ -99,7 +99,7 @@ def _past_obstacles(
     clear = [True] * len(state)
     if not gentle:
         near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
-        way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)
+        way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), MIN_DIVISOR)
         clear = level_ahead(terrain, state.trajectory.here, way, near).tolist()
     for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
         if traversal.kind:
@@ -183,6 +183,8 @@ def over_feet(state: CharacterState, i: int) -> tuple[float, float]:
     x, z = 0.5 * (left_x + right_x), 0.5 * (left_z + right_z)
     distance = hypot(x, z)
     speed = (
-        fraction * min(max(distance - UNSEEN_M, 0.0) / OVER_FEET_S, MAX_SWAY_M_PER_S) / max(distance, 1e-9)
+        fraction
+        * min(max(distance - UNSEEN_M, 0.0) / OVER_FEET_S, MAX_SWAY_M_PER_S)
+        / max(distance, MIN_DIVISOR)
     )
     return speed * x, speed * z

@@ -95,6 +95,7 @@ def shown_poses(
 
 # m/s: a hand in a captured jog; a network far from its data jumps at up to 100
 MAX_JOINT_SPEED_M_PER_S = 24.0
+SLOWING_ROUNDS = 4
 
 
 def bound_speed(poses: Poses, before: Poses) -> None:
@@ -111,7 +112,7 @@ def bound_speed(poses: Poses, before: Poses) -> None:
     last = before.hips[fast], before.local[fast], before.positions[fast]
     hips, local, positions = poses.hips[fast], poses.local[fast], poses.positions[fast]
     fraction = np.ones((len(hips), 1))
-    for _ in range(4):  # a fraction of all turns is not that of the way
+    for _ in range(SLOWING_ROUNDS):  # a fraction of all turns is not that of the way
         fraction *= np.minimum(1.0, MAX_JOINT_SPEED_M_PER_S / _fastest_joint(positions, last[2]))[:, None]
         placed = last[0] + fraction * (hips - last[0]), rotations.slerp(last[1], local, fraction)
         positions, world = SPORT_SKELETON.forward_kinematics(*placed)

@@ -21,6 +21,7 @@ from runtime.feet.foot_lock import carrying_rise
 from runtime.feet.leg import LegBones, LegPose, leg_bones, leg_forward, leg_inverse
 from runtime.feet.reach import span
 from runtime.scalar_math import (
+    MIN_DIVISOR,
     Quaternion,
     Vector,
     add,
@@ -55,6 +56,7 @@ KNOWN_STYLE_CODE_DISTANCE = 0.2
 UNKNOWN_STYLE_WEIGHT = 0.01  # weight of the gain 1 against that of a style at its own code
 CAPTURED_GAIN_FRACTION = 0.1  # of a gain: as far from 1, it is that of a captured style
 UNSEEN_GAIN_FRACTION = 0.03  # of a gain: nearer to 1 it is left alone
+MIN_SHARE_FRACTION = 1e-3  # of what is drawn out: less is none
 MEAN_HALF_LIFE_S = 0.8  # seconds in which the means follow the pose
 # seconds, half-lives, in which gains come into force in a walk, and go
 SET_IN_HALF_LIFE_S, LEAVE_HALF_LIFE_S = 0.5, 0.12
@@ -136,7 +138,7 @@ class Swings:
         shares = self.share.tolist()
         for i, (own, walks) in enumerate(zip(gains, walking, strict=True)):
             walks = walks and any(abs(gain - 1.0) > UNSEEN_GAIN_FRACTION for gain in own)
-            if not walks and shares[i] < 1e-3:
+            if not walks and shares[i] < MIN_SHARE_FRACTION:
                 shares[i] = 0.0
                 continue
             if self.share[i] == 0.0:  # begins with what is
@@ -200,7 +202,7 @@ def _swung(
 def _swing_arms(result: Array, means: list[Quaternion], more: float) -> None:
     for joint, mean, q in zip(_UPPER_ARMS, means, result[list(_UPPER_ARMS)].tolist(), strict=True):
         swing = to_vector(multiply(q, inverse(mean)))
-        size = min(abs(more), MOST[ARMS] / max(length(swing), 1e-9))
+        size = min(abs(more), MOST[ARMS] / max(length(swing), MIN_DIVISOR))
         result[joint] = multiply(from_vector(scale(swing, copysign(size, more))), q)
 
 

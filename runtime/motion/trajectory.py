@@ -21,7 +21,7 @@ from runtime.easing import smoothstep
 from runtime.motion import features
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
 from runtime.motion.style import NEUTRAL_SPEEDS
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE, decay
 from runtime.terrain.height_map import Terrain
 
 TO_WALK_S = 0.72  # seconds from rest to the walking speed of a neutral body, and back
@@ -36,6 +36,9 @@ LABEL_HALF_LIFE = 0.08  # seconds in which a gait's label comes and goes
 CROUCH_HALF_LIFE = 0.35  # of the label of a crouch: knees and elbows snap where it comes at once
 STILL_SPEED = 0.15  # m/s: slower is standing, as the training's labels have it
 JOG_SHARE = 0.75  # of a slow jog's speed from which it is a jog
+# times a speed over its threshold: labels go over from 1 to 2, a third of it to both sides
+LABEL_CHANGE_RATIO = 1.5
+MIN_CROUCH_CHANGE = 0.02  # of the weight of a crouch, from which on it is slow
 AHEAD = np.arange(61) / FPS  # seconds of the coming frames, the present one first
 _STAND, _WALK, _JOG, _CROUCH = map(int, (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH))
 _MAKES_UP = decay(WISH_HALF_LIFE)
@@ -82,7 +85,7 @@ def planned_velocities(now: Array, wish: Array, reach: Array, seconds: Array) ->
     """
     change = now - wish
     missing = np.sqrt((change * change).sum(-1, keepdims=True))
-    fraction = remaining(missing, reach[:, None], seconds[:, None], AHEAD) / np.maximum(missing, 1e-9)
+    fraction = remaining(missing, reach[:, None], seconds[:, None], AHEAD) / np.maximum(missing, MIN_DIVISOR)
     return np.asarray(wish[:, None] + fraction[..., None] * change[:, None])
 
 
@@ -101,8 +104,11 @@ def labels(
     `gait` is the requested one, `now` `(N, 6)` the present weights, from which the plan fades in; `jog_from` (m/s) is where
     a jog begins. Gaits other than stand, walk and jog are kept. At full `response` a crouch comes as fast as other labels.
     """
-    # over a third of a threshold to both sides; a body that jumps without a stick has a threshold of 0
-    rates = [[1.5 / STILL_SPEED] * len(speeds), [1.5 / max(each, 1e-6) for each in jog_from]]
+    # a body that jumps without a stick has a threshold of 0
+    rates = [
+        [LABEL_CHANGE_RATIO / STILL_SPEED] * len(speeds),
+        [LABEL_CHANGE_RATIO / max(each, MIN_SIZE) for each in jog_from],
+    ]
     moves, jogs = smoothstep(speeds * np.array(rates)[..., None] - 1.0)
     plan = np.zeros((*speeds.shape, GAITS))
     plan[..., _STAND] = 1.0 - moves
@@ -114,7 +120,7 @@ def labels(
             plan[i] = np.eye(GAITS)[own]
     change = now - plan[:, 0]
     fade = _LABEL_FADE
-    crouches = np.abs(change[:, _CROUCH]) > 0.02
+    crouches = np.abs(change[:, _CROUCH]) > MIN_CROUCH_CHANGE
     if any(crouches.tolist()):
         slow = np.maximum(CROUCH_HALF_LIFE * GAME_RESPONSE_FRACTION ** np.array(response), LABEL_HALF_LIFE)
         fade = np.where(crouches[:, None], 0.5 ** ((AHEAD + 1.0 / FPS) / slow[:, None]), fade)

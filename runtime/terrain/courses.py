@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 
 CELL_M = 0.05  # a riser is one cell wide
+ROUNDING_M = 1e-6  # of the grid's own numbers
 
 
 @dataclass(frozen=True)
@@ -27,9 +28,8 @@ class Obstacle:
 
     def raised(self, x: Array, z: Array) -> NDArray[np.bool_]:
         """Return which grid points x, z lie on the obstacle."""
-        slack = 1e-6  # of the grid's own rounding
-        within = (z >= self.begin - slack) & (z <= self.end + slack)
-        return within & (np.abs(x) <= self.half_width + slack)
+        within = (z >= self.begin - ROUNDING_M) & (z <= self.end + ROUNDING_M)
+        return within & (np.abs(x) <= self.half_width + ROUNDING_M)
 
 
 BAR_M, WALL_M, HALF_WIDTH_M = 0.1, 1.0, 3.0  # thick, and half as wide as they reach across the way
@@ -70,4 +70,4 @@ def raise_obstacles(x: Array, z: Array, obstacles: Sequence[Obstacle]) -> Array:
 def raise_beam(x: Array, z: Array) -> Array:
     """Return the heights of grid points x, z of the beam and its ramps."""
     ramp = np.clip(np.minimum(z - BEAM.begin, BEAM.end - z) / BEAM_RAMP_M, 0.0, 1.0)
-    return np.where(np.abs(x) <= BEAM.half_width + 1e-6, BEAM.top * ramp, 0.0)
+    return np.where(np.abs(x) <= BEAM.half_width + ROUNDING_M, BEAM.top * ramp, 0.0)

@@ -18,6 +18,7 @@ from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, roll_
 from runtime.feet.settings import SETTINGS
 from runtime.pose import DT, Pose
 from runtime.scalar_math import (
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -42,6 +43,9 @@ GRAVITY = 9.81
 STAGES = ("", "push", "flight", "land")
 BOTH = 2  # feet that push
 PUSH_S = 0.25  # from the button to the take-off
+FIRST_FRAME_S = 1.5 * DT  # until then a push is in its first frame
+WHOLE_PUSH_FRACTION = 1.0 - 1e-6  # of a push: more is all of it
+MAX_NUMBER = 1e4  # m, m/s and s of a jump from a file
 RISE_M = 0.30  # of the hips over their mean height, at the top
 OFF_M = 0.09  # of that at the take-off, on tiptoe
 LAND_M = 0.06  # over the incoming pose they come down
@@ -136,7 +140,9 @@ class Jump:
             *self.velocity,
         )
         whole = self.gait in list(Gait) and self.foot in (0, 1, BOTH) and 0.0 <= self.rate <= MAX_RHYTHM_RATIO
-        return whole and max(map(abs, numbers)) < 1e4 and (self.stage != "flight" or self.begin[1] > 0.0)
+        return (
+            whole and max(map(abs, numbers)) < MAX_NUMBER and (self.stage != "flight" or self.begin[1] > 0.0)
+        )
 
     @property
     def airborne(self) -> bool:
@@ -235,10 +241,10 @@ class Jump:
     def _push(self, mean: float, root: tuple[float, float]) -> None:
         """From where the hips are to the take-off; `mean` is their height at rest, m."""
         fraction = min(self.time / PUSH_S, 1.0)
-        if self.time <= 1.5 * DT:
+        if self.time <= FIRST_FRAME_S:
             self.aim = (mean + OFF_M, sqrt(2.0 * GRAVITY * (RISE_M - OFF_M)))
         self.hips = _hermite(fraction, self.begin, self.aim, PUSH_S)
-        if fraction >= 1.0 - 1e-6:
+        if fraction >= WHOLE_PUSH_FRACTION:
             self.stage, self.time, self.velocity = "flight", 0.0, root
             self.begin = self.aim
 
@@ -427,7 +433,7 @@ class Jump:
 def _ahead(leg: LegPose) -> Vector:
     """The level direction in which a leg's hip faces."""
     x, _, z = rotate(leg.base, (0.0, 0.0, 1.0))
-    size = max(sqrt(x * x + z * z), 1e-6)
+    size = max(sqrt(x * x + z * z), MIN_SIZE)
     return x / size, 0.0, z / size
 
 

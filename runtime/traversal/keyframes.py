@@ -16,6 +16,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, soft_reach, turned_out
 from runtime.scalar_math import (
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -44,6 +45,10 @@ ARMS: tuple[Arm, Arm] = ((17, 18, 19, 20), (24, 25, 26, 27))  # shoulder, upper 
 EASY_LEG_M, LEG_SLACK_M = 0.78, 0.035  # of a leg of 0.835 m
 _OFFSETS: tuple[Vector, ...] = tuple((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets)
 RIGHT_ANGLE_RAD = 1.5708
+MIN_ARC_SINE = 1e-4  # a shorter arc is taken for a straight line
+MIN_ARM_OPENING_M = 1e-3  # of the wrist from where an arm is folded wholly
+LEVEL_TOES_FRACTION = 0.7  # of a raised heel's pitch that the toes take back; chosen by eye
+CONTACT_CHANGE_FRACTION = 0.012  # of a motion, in which a contact comes or goes; chosen by eye
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,7 @@ def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
     sine = sin(angle)
     p, q = (
         (1.0 - fraction, fraction)
-        if sine < 1e-4
+        if sine < MIN_ARC_SINE
         else (sin((1 - fraction) * angle) / sine, sin(fraction * angle) / sine)
     )
     w, x, y, z = (p * m + sign * q * n for m, n in zip(a, b, strict=True))
@@ -146,7 +151,7 @@ def place_foot(
     ankle = subtract(toe, rotate(foot, bones.offsets[4]))
     way = subtract(leg.hip, ankle)
     away = length(way)
-    ankle = add(ankle, scale(way, free * beyond(away, EASY_LEG_M, LEG_SLACK_M) / max(away, 1e-6)))
+    ankle = add(ankle, scale(way, free * beyond(away, EASY_LEG_M, LEG_SLACK_M) / max(away, MIN_SIZE)))
     solved = leg_inverse(leg, ankle, foot)
     for joint, rotation in zip(bones.joints[1:4], solved, strict=True):
         local[joint] = rotation
@@ -181,7 +186,7 @@ def place_hand(
     a, b = length(_OFFSETS[fore_joint]), length(_OFFSETS[hand_joint])
     way = subtract(wrist, place)
     aim = unit(way)
-    reach = max(soft_reach(length(way), a + b), abs(a - b) + 1e-3)
+    reach = max(soft_reach(length(way), a + b), abs(a - b) + MIN_ARM_OPENING_M)
     out = unit(subtract(pole, scale(aim, dot(pole, aim))))
     c = min(1.0, max(-1.0, (a * a + reach * reach - b * b) / (2.0 * a * reach)))
     upper = add(scale(aim, c), scale(out, sqrt(1.0 - c * c)))
@@ -300,7 +305,7 @@ class KeyframedMotion:
             out = max(out, min(out + KNEE_TURN_RAD_PER_M * inside, MAX_KNEE_OUT_RAD))
             place_foot(mine, side, place, toe, foot, out, free)
         toes = LEGS[side].joints[4]  # stay flat under a raised heel
-        mine[toes] = multiply(from_vector((-0.7 * max(heel, 0.0), 0.0, 0.0)), mine[toes])
+        mine[toes] = multiply(from_vector((-LEVEL_TOES_FRACTION * max(heel, 0.0), 0.0, 0.0)), mine[toes])
 
     def _keep_angles(
         self,
@@ -326,7 +331,7 @@ class KeyframedMotion:
                 way = subtract((x, y, z), shoulder_frame(mine, side, place)[1])
                 wanted = length(way)
                 over = min(beyond(wanted, EASY_REACH_M, SLACK_M), FARTHEST_PULL_M)
-                place = add(place, scale(way, weight * over / max(wanted, 1e-6)))
+                place = add(place, scale(way, weight * over / max(wanted, MIN_SIZE)))
         return place
 
 
@@ -357,7 +362,7 @@ def stands(
 ) -> Rows:
     """Return contact rows of heel and toe for a standing foot; the heel may land later and lift earlier than the toe."""
     toe_off = heel_off if toe_off is None else toe_off
-    soon = 0.012 * whole
+    soon = CONTACT_CHANGE_FRACTION * whole
     rows: Rows = [] if begin == 0 else [(begin - soon, 0, 0)]
     if heel_on is not None:
         rows += [(begin, 0, 1), (heel_on, 0, 1), (heel_on + soon, 1, 1), (heel_off, 1, 1)]

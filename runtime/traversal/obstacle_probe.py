@@ -9,6 +9,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.pose import DT
+from runtime.scalar_math import MIN_SIZE
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind, obstacle_ahead
 from runtime.terrain.room import LANDING_RISE_M, can_climb, can_land
@@ -122,7 +123,7 @@ def _lack_of_room(terrain: Terrain, ahead: Ahead, place: Array, stops: bool) -> 
 def held_back(terrain: Terrain, place: Array, velocity: Array, ahead: Ahead | None) -> Array:
     """Return the root's velocity (m/s), or zero if it leads into a wall or to a step that is too high."""
     speed = float(np.linalg.norm(velocity))
-    if speed < 1e-6:
+    if speed < MIN_SIZE:
         return velocity
     if ahead is not None and ahead.too_near(velocity / speed):
         return np.zeros(2)

@@ -37,6 +37,8 @@ PACE_RANGE = (0.85, 1.2)  # of the root in the steps before a leap, so that a fo
 MAX_SIGHT_FRACTION, MAX_SIGHT_CHANGE_PER_S = 1.5, 20.0
 MAX_SIZE_M, MAX_NUMBER = 10.0, 100.0  # of what is crossed; of what describes it
 TEMPO_RANGE = (0.7, 1.2)  # of a climb
+STRIDE_RANGE_S = (0.1, 10.0)  # of a leap
+CLIMB_NUMBERS, LEAP_NUMBERS = 4, 23  # that describe one
 
 
 @lru_cache(maxsize=64)
@@ -124,8 +126,8 @@ def is_possible(traversal: Traversal) -> bool:
     if not traversal.kind:
         return True
     if traversal.climbing:
-        return len(numbers) == 4 and _is_climb_possible(traversal.kind, numbers[0], numbers[3])
-    return len(numbers) == 23 and _is_leap_possible(*numbers[4:8])
+        return len(numbers) == CLIMB_NUMBERS and _is_climb_possible(traversal.kind, numbers[0], numbers[3])
+    return len(numbers) == LEAP_NUMBERS and _is_leap_possible(*numbers[4:8])
 
 
 def _is_climb_possible(kind: str, rise: float, tempo: float) -> bool:
@@ -134,7 +136,12 @@ def _is_climb_possible(kind: str, rise: float, tempo: float) -> bool:
 
 
 def _is_leap_possible(speed: float, seconds: float, elapsed: float, stance: float) -> bool:
-    return speed >= 0.0 and 0.1 <= seconds <= 10.0 and 0.0 <= elapsed < seconds and stance in (0.0, 1.0)
+    return (
+        speed >= 0.0
+        and STRIDE_RANGE_S[0] <= seconds <= STRIDE_RANGE_S[1]
+        and 0.0 <= elapsed < seconds
+        and stance in (0.0, 1.0)
+    )
 
 
 def end_when_over(traversal: Traversal) -> bool:

@@ -40,7 +40,7 @@ class Shot:
     fixed: bool = False
 
 
-SHOTS = {
+SHOTS = {  # titles are in `runtime.formats.options.CAMERAS`
     "front": Shot(2.7, 0.16, 4.1),
     "follow": Shot(0.0, 0.22, 4.0),
     "side": Shot(0.5 * math.pi, 0.12, 3.9),

@@ -55,7 +55,8 @@ class Keyboard:
 class Action(Enum):
     """Everything that a key or button can do, with its triggers: any of `keys`, or the gamepad's `button`.
 
-    While a take plays, `take_key` has priority. HELD actions act while down, the others once per press.
+    While a take plays, `take_key` has priority. HELD actions act while down, the others once per press: by `actions` of
+    the tool that they are about.
     """
 
     def __init__(self, keys: str, button: str = "", take_key: str = "") -> None:
@@ -114,7 +115,7 @@ class Action(Enum):
     NEXT_PANEL = "f6 tab"
 
 
-# Views of the character, in the order of `viewer.scene.camera_control.VIEWS`.
+# views of the character, in the order of `viewer.scene.camera_control.VIEWS`
 VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET, Action.TOP)
 
 

@@ -42,7 +42,7 @@ class StageView:
     height: float = 0.0
 
 
-VIEWS = {
+VIEWS = {  # in the order of `viewer.input.bindings.VIEW_ACTIONS`; titles are in `viewer.settings`
     "front": StageView(math.pi, 0.10, 4.0),
     "side": StageView(-0.5 * math.pi, 0.10, 4.0),
     "three_quarters": StageView(math.pi - 0.65, 0.20, 4.0),

@@ -53,17 +53,17 @@ def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
 
 
 def add(a: Vector, b: Vector) -> Vector:
-    """a + b."""
+    """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def subtract(a: Vector, b: Vector) -> Vector:
-    """a - b."""
+    """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def scale(v: Vector, s: float) -> Vector:
-    """v times s."""
+    """Return v times s."""
     return v[0] * s, v[1] * s, v[2] * s
 
 

@@ -106,7 +106,7 @@ class Editor:
             self._abandon(number)
 
     def drag(self, label: str, change: Change) -> None:
-        """Change the session during a mouse drag: shown at once, and one step of undo with further calls under this label."""
+        """Change the session during a mouse drag; it is shown at once, and all calls of a drag with one label are one step of undo."""
         if self._draft is not None and label != self._draft_label:
             self.finish_drag()
         before = self.session

@@ -60,7 +60,7 @@ class _Job:
 
     @property
     def shown(self) -> str:
-        """The text of the status line, or ""."""
+        """The text that the status line shows for the job, or ""."""
         about = (("Reading", self.reading), ("Writing", self.writing))
         return next((f"{verb} {what}" for verb, what in about if what), self.doing)
 

@@ -156,7 +156,7 @@ class Window:
 
     @property
     def input_waits(self) -> bool:
-        """Whether ImGui has not processed all events in this frame."""
+        """Whether events are left that ImGui did not process in this frame."""
         return len(imgui.get_current_context().input_events_queue) > 0
 
     def begin_frame(self, dt: float | None = None) -> None:

@@ -33,7 +33,7 @@ class Body:
     known: bool
 
     def half(self, count: int) -> float:
-        """Return half of `count`, or of the body's joint count if the body is known and smaller: the fewest joints its animation must move."""
+        """Return how many joints an animation must move to count as one of this body: half of `count`, or of a known smaller body's joints."""
         return min(count, len(self.joints) if self.known else count) / 2
 
 
@@ -68,7 +68,7 @@ def _body_name(nodes: Nodes, top: int, inside: list[int]) -> str:
 
 
 def open_character(path: Path) -> tuple[GltfFile, str]:
-    """Read a file with only its first body; the text names the bodies left out, or is "". Raises FileError."""
+    """Read a glTF file with its first body alone; also return a sentence that names the bodies left out, or "". Raises FileError."""
     file = open_gltf(path)
     nodes = Nodes(file)
     known = [body for body in find_bodies(nodes) if body.known] if nodes.skinned else []

@@ -85,7 +85,7 @@ def load_character(
 
 
 def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> JointGuess:
-    """Guess which SPORT joints the joints of a character file correspond to, even if some are missing. Raises FileError."""
+    """Guess the SPORT joint that each joint of a character file stands for, even if some are missing. Raises FileError."""
     with _reading(path) as (file, _):
         return _guessed(file, joint_map)[0]
 

@@ -51,7 +51,7 @@ class Kept:
         return (self[k] for k in range(len(self)))
 
     def array(self) -> Any:
-        """Return a list of numbers or vectors as an array."""
+        """Return the kept list of numbers or vectors as an array."""
         return np.array(self.value)
 
 

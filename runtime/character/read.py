@@ -185,7 +185,7 @@ def _buffer(path: Path, buffer: Entry, number: int, blob: memoryview) -> memoryv
 
 
 def read_uri(path: Path, uri: Any, what: str) -> bytes:
-    """Return the bytes that a URI of `path` refers to: embedded base64, or a file next to it; FileError otherwise."""
+    """Return the bytes at a URI in the file `path`: embedded base64, or a file next to it. FileError otherwise."""
     if not isinstance(uri, str):
         raise FileError(f"{path}: the address of a {what} is damaged.", REMEDY)
     if not uri.startswith("data:"):

@@ -111,7 +111,7 @@ class ArmPose(NamedTuple):
 
 
 class Body(NamedTuple):
-    """What an arm edit needs of the body: reference frames, directions, and how far (metres) the opposite ankle is ahead of the hips."""
+    """The part of the body that an arm edit needs: frames for the hands, directions, and the stride (metres of the opposite ankle ahead)."""
 
     axes: tuple[Axes, ...]  # by `FRAMES`; of the first the rotation alone
     side: Vector  # towards the left

@@ -30,7 +30,7 @@ _OFFSETS: tuple[Vector, ...] = tuple((float(x), float(y), float(z)) for x, y, z 
 
 
 class EditedPose(NamedTuple):
-    """The pose for the foot lock: `hips` (3,), `local` (31, 4), `contacts` (4,); `legs` are edited legs, or None if unchanged."""
+    """The edited pose for the foot lock: `hips` (3,), `local` (31, 4), `contacts` (4,), and the edited `legs` or None."""
 
     hips: Array
     local: Array
@@ -38,7 +38,7 @@ class EditedPose(NamedTuple):
     legs: tuple[LegPose, LegPose] | None = None
 
     def moved(self, by: Vector) -> EditedPose:
-        """Return the pose with its hips shifted by `by` (metres) and its feet in place; the hips rise so that loaded legs bend no more."""
+        """Return the pose with its hips shifted by `by` (metres) and its feet in place; the hips rise if the legs would bend more."""
         east, up, south = by
         x, y, z = (float(v) for v in self.hips)
         rotations = np.asarray(self.local, np.float64).tolist()
@@ -64,7 +64,7 @@ class BodyEdits:
         return self.legs.active or self.trunk.active or any(arm.active for arm in self.arms)
 
     def apply(self, hips: Array, local: Array, contacts: Array, request: EditRequest) -> EditedPose:
-        """Add to a pose what its prompt asks for and it lacks; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
+        """Return the pose with what its prompt asks for added; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
         x, y, z = (float(v) for v in hips)
         rotations, chances = np.asarray(local, np.float64).tolist(), np.asarray(contacts, np.float64).tolist()
         targets = request.targets

@@ -99,10 +99,10 @@ class LegEdit:
     def apply(
         self, height: float, legs: tuple[LegPose, LegPose], chances: list[float], request: EditRequest
     ) -> tuple[float, list[LegPose]]:
-        """Return how far the hips rise (metres) and the edited legs: hips, toes, ankles and feet; knees are solved later.
+        """Return how far the hips rise (metres), and both legs edited except for their knees, which are solved later.
 
         `height` is that of the hips. `chances` are contact probabilities (left heel, left toe, right heel, right toe);
-        heels that are raised lose theirs in place.
+        those of raised heels are lowered in place.
         """
         bears = (max(chances[0], chances[1]), max(chances[2], chances[3]))
         self._measure(height - request.ground, legs, bears, request)

@@ -39,7 +39,10 @@ class FootLine:
     def apply(
         self, hips: Vector, ankles: list[Vector], bears: tuple[float, float], request: EditRequest
     ) -> list[Vector]:
-        """Move the ankles onto a line if a narrow walk is asked for; `hips` is the middle of the hips, `bears` the load of each foot (0 to 1)."""
+        """Return the ankles moved onto a line, if a narrow walk is asked for.
+
+        `hips` is the middle of the hips, `bears` the load on each foot (0 to 1).
+        """
         by = narrow(request.targets)
         if not by:
             vars(self).update(vars(FootLine()))

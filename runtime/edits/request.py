@@ -71,7 +71,7 @@ def lacking(target: Target, shown: float) -> float:
 
 
 def asks(targets: Targets) -> bool:
-    """Return whether any of the targets has a weight."""
+    """Return whether any of the targets asks for something."""
     return any(target[0] > MIN_WEIGHT for target in targets)
 
 
@@ -109,7 +109,7 @@ class Swing:
     known: float = 0.0  # how well they are known, 0 to 1
 
     def observed(self, value: float, mean_half_life: float, range_half_life: float) -> Swing:
-        """Return the swing updated with the value of one more frame; half-lives in frames of `decay`."""
+        """Return the swing updated with the value of one more frame; the half-lives are in seconds."""
         follow = 1.0 - decay(mean_half_life)
         mean, known = self.mean + follow * (value - self.mean), self.known + follow * (1.0 - self.known)
         away = value - mean / known
@@ -126,7 +126,10 @@ class Swing:
         return 2.0 * sqrt(2.0 * self.square / self.known) if self.known > 0.0 else 0.0
 
     def gain(self, target: Target, smallest: float, most: float) -> float:
-        """Return the factor of the swing to add so that it falls in the target range; swings under `smallest` do not count as rhythm."""
+        """Return how much of the swing to add, as a factor of it, to reach the target range.
+
+        Swings under `smallest` do not count as rhythm; at most `most` is added.
+        """
         low, high = range_of(target)
         more = min(max(low / max(self.range, smallest) - 1.0, 0.0), most)
         return target[0] * self.known * (more + min(max(high, 0.0) / max(self.range, MIN_SEEN) - 1.0, 0.0))

@@ -110,7 +110,7 @@ class TrunkEdit:
     shrug: float = 0.0  # degrees that the shoulders are raised
 
     def watch(self, lean: float, aside: float, fold: float) -> bool:
-        """Return whether the trunk, leaning `lean` degrees, is near its limit for `fold` or nearly tips over; call every frame."""
+        """Return whether the trunk, leaning `lean` degrees, is close to its limit or to tipping over; call every frame."""
         shown = max(min(lean, self._bound(fold)), -self._back(0.0))
         self.steady += (1.0 - decay(STEADY_HALF_LIFE_S)) * (shown - self.steady)
         return (

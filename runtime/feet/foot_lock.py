@@ -97,7 +97,7 @@ class PelvisOffset:
         return min(spans, default=1.0) - self.offset
 
     def make_room(self, depths: Sequence[float], dt: float) -> float:
-        """Return how far (metres) the hips rise above `offset` so that legs that cannot bend faster keep their feet out of the ground.
+        """Return how far (metres) the hips rise above `offset` to keep the feet out of the ground while the knees cannot bend faster.
 
         `depths` are how deep (metres) the feet are in the ground.
         """
@@ -109,13 +109,13 @@ class PelvisOffset:
 
 
 def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
-    """Return how far (metres) `hip` must rise to be `spans` from `ankle`, or as near to that as possible."""
+    """Return how far (metres) `hip` must rise for its distance from `ankle` to become `spans`, or as close to that as possible."""
     across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
     return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
 
 
 def carrying_rise(legs: Sequence[LegPose], spans: Sequence[float], bears: Sequence[float]) -> float:
-    """Return how far (metres) the hips rise so that nearly straight, loaded legs reach the lengths `spans`.
+    """Return how far (metres) the hips rise so that nearly straight legs with weight on them get the lengths `spans`.
 
     `bears` is the contact probability of each foot.
     """

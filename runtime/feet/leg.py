@@ -86,7 +86,7 @@ def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPo
 
 
 def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
-    """Return the leg with its raised toes, relative to a flat sole, raised by a further `fraction`, turning about the ankle.
+    """Return the leg with its toes raised further by a `fraction`, relative to a flat sole; the foot turns about the ankle.
 
     The ground under the toe is `rise` metres above that under the ankle.
     """
@@ -233,9 +233,9 @@ HIGHEST_TIP_M = 0.055  # m that the tip may be raised over the joint: about 65 d
 
 
 def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights, sink: float) -> Quaternion:
-    """Return the local rotation of the toes, bent by the ground; `toe` is the network's, `foot` the foot's world rotation.
+    """Return the local rotation of toes bent by the ground; `toe` is the network's rotation, `foot` the foot's in the world.
 
-    `joint` is the toe joint. The toes turn about their own cross axis: a heading taken from their direction would flip
+    `joint` is the toe joint's position. The toes turn about their own cross axis, because their heading would flip
     where they point straight down.
     """
     world = multiply(foot, toe)

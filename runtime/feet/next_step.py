@@ -63,11 +63,11 @@ class SteppedOver:
     crossing: bool = False  # by the foot that comes down next
 
     def along(self, x: float, z: float) -> float:
-        """Return how far (metres) a position is beyond the near edge."""
+        """Return how far (metres) a position is past the near edge."""
         return (x - self.x) * sin(self.yaw) + (z - self.z) * cos(self.yaw)
 
     def is_under(self, x: float, z: float) -> bool:
-        """Return whether a root at this position is above it; from there the far side would look like a step."""
+        """Return whether a root at this position is over the bar or gap, from where its far side would look like a step."""
         return self.length >= 0.0 and -UNDER_M < self.along(x, z) < self.length + UNDER_M
 
     def hips_rise(self, hips: Vector) -> float:
@@ -116,7 +116,7 @@ class NextStep:
     def watch(
         self, leg: LegPose, other: NextStep, held: bool, down: bool, velocity: Vector, dt: float
     ) -> None:
-        """Update with the incoming leg: where the hip goes and where the foot lands; `down` says that it has landed, held or not."""
+        """Update with the incoming leg: the velocity of its hip and the landings of its foot; `down` if the foot has landed."""
         self._follow_hip(leg.hip, dt)
         ankle_x, _, ankle_z = leg.ankle
         stands = held or down

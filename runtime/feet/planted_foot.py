@@ -102,7 +102,7 @@ class PlantedFoot:
         self.heel_down = self._in_contact(self.heel_down, heel, self.heights[1], ankle_velocity)
 
     def adopt(self, shown: LegPose, leg: LegPose) -> None:
-        """Start from a foot as it was `shown`, while `leg` was the incoming leg."""
+        """Start from the leg as it was `shown` instead of the incoming `leg`."""
         self.incoming = (leg.toe, leg.ankle)
         self.toe, self.ankle, self.rotation = shown.toe, shown.ankle, shown.foot
         self.offset = subtract(shown.toe, leg.toe)
@@ -397,7 +397,10 @@ class PlantedFoot:
         self.ankle = (ankle[0], ankle[1] + missing, ankle[2])
 
     def knee_out(self, leg: LegPose, hip: Vector, local: Array, ground: PointHeights, dt: float) -> float:
-        """Return how far (radians) the knee turns outwards to clear the ground; `local` are thigh, shin and foot relative to the base of `leg`."""
+        """Return how far (radians) the knee turns outwards to clear the ground.
+
+        `local` are the rotations of thigh, shin and foot relative to the base of `leg`.
+        """
         upper, lower, _ = local.tolist()
         thigh = multiply(leg.base, upper)
         shin = multiply(thigh, lower)

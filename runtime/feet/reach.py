@@ -36,7 +36,7 @@ class SpannedFoot(NamedTuple):
     depth: float  # m that it is too deep in the ground
 
     def lifted(self, joint: Vector) -> Vector:
-        """Return the position of `joint` lifted out of the ground."""
+        """Return the position of `joint`, lifted out of the ground."""
         return joint[0], joint[1] + self.depth, joint[2]
 
 

@@ -57,7 +57,7 @@ def sidecar_path(bvh: Path) -> Path:
 
 
 def format_metadata(clip: Clip, bvh_text: str) -> str:
-    """Return the JSON metadata of a clip with this BVH text; for a ground from a file it has the file's name only."""
+    """Return the JSON metadata of a clip, with a hash of its BVH text; a ground from a file is stored by file name only."""
     value = {
         **_metadata(clip),
         "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),

@@ -227,7 +227,7 @@ def step_length(leg: Part) -> float:
 
 
 def cadence(leg: Part) -> float:
-    """Steps per second of both feet."""
+    """Return the cadence: steps per second of both feet."""
     before = leg.takeoffs
     seconds = (before[-1] - before[0]) / FPS if len(before) > 1 else 0.0
     return float(2 * (len(before) - 1) / seconds) if seconds > 0 else 0.0
@@ -311,7 +311,7 @@ def steps_of(own: Flags, other: Flags) -> NDArray[np.intp]:
 
 
 def closed(down: Flags) -> Flags:
-    """Contact flags with gaps of up to `FLICKER_FRAMES` frames filled."""
+    """Return contact flags with gaps of up to `FLICKER_FRAMES` frames filled."""
     filled = down.copy()
     for a, b in pairwise(np.flatnonzero(np.diff(down.astype(int)))):
         if not down[a + 1] and b - a <= FLICKER_FRAMES:
@@ -320,7 +320,7 @@ def closed(down: Flags) -> Flags:
 
 
 def smoothed(x: Array, seconds: float) -> Array:
-    """Moving average over `seconds`, the ends padded with their own values."""
+    """Return the moving average over `seconds`, with both ends padded by their own values."""
     half = int(seconds * FPS / 2)
     padded = np.pad(x, [(half, half)] + [(0, 0)] * (x.ndim - 1), mode="edge")
     total = np.cumsum(np.concatenate([np.zeros_like(padded[:1]), padded], dtype=np.float64), axis=0)
@@ -328,7 +328,7 @@ def smoothed(x: Array, seconds: float) -> Array:
 
 
 def smoothed_facing(positions: Array) -> Array:
-    """Smoothed facing direction `(T,)` in radians, from hips and shoulders; 0 is +Z."""
+    """Return the smoothed facing direction `(T,)` in radians, from hips and shoulders; 0 is +Z."""
     across = (positions[:, _AT("LeftUpLeg")] - positions[:, _AT("RightUpLeg")]) + (
         positions[:, _AT("LeftArm")] - positions[:, _AT("RightArm")]
     )

@@ -168,7 +168,7 @@ class PartMeasures(SimpleNamespace):
     """Measures of one body part, by row name."""
 
     def changed(self, **values: float) -> PartMeasures:
-        """Return a copy with some values replaced."""
+        """Return a copy of the measures with some values replaced."""
         return PartMeasures(**vars(self) | values)
 
 

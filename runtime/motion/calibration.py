@@ -43,7 +43,7 @@ class Calibration:
     neutral: Float32Array
 
     def side_leads(self, z: Float32Array) -> Float32Array:
-        """Return by which fraction each part of Z^t `(6, 64)` is shown better than mirrored, `(6,)`, from the nearest measured code."""
+        """Return how much better each part of Z^t `(6, 64)` is shown than its mirror image, `(6,)` fractions, by the nearest measured code."""
         found = np.zeros(len(z), np.float32)
         for near in self._nearest(z):
             if near.off < SAME_SIDE_FRACTION:
@@ -51,19 +51,19 @@ class Calibration:
         return found
 
     def ways(self, leads: Float32Array) -> Ways:
-        """Return whether to simulate mirrored, given the leads `(6,)` of the parts."""
+        """Return whether a style is walked mirrored, and whether some limbs are not, from the leads `(6,)` of its parts."""
         mirrored = bool(leads.sum() < -MIRROR_LEAD_FRACTION)
         return Ways(mirrored, any(self.other_limbs(leads, mirrored)))
 
     def other_limbs(self, leads: Float32Array, mirrored: bool) -> tuple[float, ...]:
-        """Return 1 for each of the four limbs that is shown much better the other way round, else 0."""
+        """Return 1 for each limb that is shown much better in the opposite walk, mirrored or not, else 0."""
         better = (leads if mirrored else -leads)[:LIMBS] >= LIMB_LEAD_FRACTION
         return tuple(better.astype(float).tolist())
 
     def drawn_out(self, z: Float32Array) -> Float32Array:
-        """Return Z^t `(6, 64)` with parts near a measured code exaggerated by its gain, less the farther they are.
+        """Return Z^t `(6, 64)` with the parts near a measured code exaggerated by its gain, which fades with distance.
 
-        Combinations are shown more weakly than in training: the gain moves to that among other unusual parts as these increase.
+        Each code has two gains, alone and among other unusual parts; the result lies between them.
         """
         gains, others = np.ones((len(z), 1), np.float32), self._others(z)
         for near in self._nearest(z):

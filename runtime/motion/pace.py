@@ -44,7 +44,10 @@ class SpeedRegulator:
     def update(
         self, requested: Sequence[float], speed: Sequence[float], moving: Sequence[bool]
     ) -> list[float]:
-        """Return the gain of each character for this frame, from the requested speeds and last frame's root speeds (m/s); 1 at rest."""
+        """Return the factor for each character's requested speed in this frame, which makes its root as fast as requested; 1 at rest.
+
+        `requested` and last frame's root `speed` are in m/s.
+        """
         numbers = (each.tolist() for each in (self.expected, self.measured, self.stood, self.integral))
         made, gains = [], []
         for wanted, shown, moves, expected, measured, stood, integral in zip(
@@ -97,9 +100,9 @@ class StrideState:
     def carried(
         self, joints: Array, contacts: Array, flying: Sequence[bool]
     ) -> list[tuple[float, float, float]]:
-        """Return the root velocity implied by planted feet since the last `update`: (across, along) in m/s and their weight.
+        """Return the root velocity that planted feet imply since the last `update`: m/s across and along, and the weight of the feet.
 
-        Joints `(N, 31, 3)` are relative to the root, contacts `(N, 4)`; characters that are `flying` get weight 0.
+        Joints `(N, 31, 3)` are relative to the root, contacts `(N, 4)`; feet of `flying` characters have no weight.
         """
         moved, result = (_across(joints) - self.feet).tolist(), []
         for feet, chances, flies in zip(moved, contacts.tolist(), flying, strict=True):
@@ -128,7 +131,7 @@ class StrideState:
 
 
 def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool, response: float) -> float:
-    """Return the factor by which strides lengthen, from (smoothed, unsmoothed) planned speeds and root speeds in m/s.
+    """Return the factor by which strides lengthen, from pairs of a smoothed and an unsmoothed speed (m/s): planned and shown.
 
     `response` is 1 for a body that may start at once.
     """

@@ -26,7 +26,7 @@ def advance_phase(window: Array, samples: Array) -> Array:
 
 
 def at_rate(before: Array, window: Array, rate: Array) -> Array:
-    """Slow the phase window `(N, 121, C, 2)`: turn its present and future back to the fraction `rate` `(N,)` of this frame's advance."""
+    """Return the phase window `(N, 121, C, 2)` slowed: its present and future advance only by the fraction `rate` `(N,)`."""
     if all(each == 1.0 for each in rate.tolist()):
         return window
     old, new = before[:, PRESENT], window[:, PRESENT]

@@ -57,7 +57,7 @@ class Inertialization:
         return Inertialization(local[:, JOINTS], still, still, np.zeros(len(local)))
 
     def apply(self, local: Array, blending: Sequence[bool], rest: Sequence[float]) -> list[bool]:
-        """Inertialize arms and trunk of the network's local rotations `(N, 31, 4)` in place; return which characters changed.
+        """Smooth arms and trunk of the network's local rotations `(N, 31, 4)` in place, and return which characters changed.
 
         `rest` is 0 for a body that moves freely, up to 1 for one that should be calm.
         """
@@ -152,10 +152,10 @@ class Settling:
         still: Sequence[bool],
         grounded: Sequence[bool],
     ) -> Array:
-        """Return the playback rates `(N,)` of this frame, from joints `(N, 31, 3)` relative to the root, now and in the last frame.
+        """Return how slowly each character's time runs in this frame, `(N,)`, 1 at full speed.
 
-        `free`: nothing is requested of the body, so it may come to rest; `still`: it has reached its requested place;
-        `grounded`: both feet stand where they may stay.
+        `joints` and those of the last frame are `(N, 31, 3)`, relative to the root. `free`: nothing is requested of the body,
+        so it may come to rest; `still`: it has reached its requested place; `grounded`: both feet stand where they may stay.
         """
         moved = joints.take(WATCHED, 1) - before.take(WATCHED, 1)
         speeds = (np.sqrt((moved * moved).sum(-1)) * FPS).tolist()

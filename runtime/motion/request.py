@@ -61,7 +61,7 @@ def _stick(controls: Controls) -> tuple[float, float, float]:
 def probe_paths(
     model: MotionModel, state: CharacterState, controls: Sequence[Controls], terrain: Terrain
 ) -> list[ObstacleProbe]:
-    """Return the obstacle on each character's path that the network cannot cross by itself; updates which traversals are blocked."""
+    """Return the obstacle on each character's path that the network cannot cross; updates which characters are stopped by one."""
     sticks, here = [_stick(each) for each in controls], state.trajectory.here
     headings = np.array([(x / max(size, MIN_DIVISOR), z / max(size, MIN_DIVISOR)) for x, z, size in sticks])
     clear = _clear(state, headings, terrain)
@@ -146,7 +146,7 @@ def _jog_from(style: Style, gait: int, wished: float) -> float:
 def steer(
     state: CharacterState, request: FrameRequest, styles: Sequence[Style], response: Sequence[float]
 ) -> None:
-    """Plan the next second towards the request and write it into the trajectory that the network sees, with the speed regulator's gain."""
+    """Plan the next second of the trajectory towards the request, which the network then reads."""
     wished = state.wished_speed.tolist()
     plan = state.trajectory.plan(
         request.velocity,

@@ -48,7 +48,7 @@ def root_velocity(
     terrain: Terrain,
     response: Sequence[float],
 ) -> Array:
-    """Return the root velocities `(N, 2)` (m/s) in root frames, from the network's; updates root speeds and strides.
+    """Return the root velocities `(N, 2)` (m/s, in root frames), corrected from the network's; updates root speeds and strides.
 
     `contacts` `(N, 4)` are the network's; `response` is 0 (as captured) to 1 (game).
     """
@@ -138,7 +138,7 @@ def rest_share(state: CharacterState) -> list[float]:
 
 
 def settled_pose(state: CharacterState, local: Array, joints: Array, contacts: Array) -> tuple[Array, Array]:
-    """Return the pose to show: the network's, slowed as a body settles; updates `state.settling`.
+    """Return the local rotations and joints to show: the network's, slowed as a body comes to rest. Updates `state.settling`.
 
     Local rotations `(N, 31, 4)` and joints `(N, 31, 3)` are relative to the root; contacts `(N, 4)`.
     """

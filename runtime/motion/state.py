@@ -99,7 +99,7 @@ SLOWING_ROUNDS = 4
 
 
 def bound_speed(poses: Poses, before: Poses) -> None:
-    """Limit how far poses move from those a frame `before`, so that no joint is faster than `MAX_JOINT_SPEED_M_PER_S`.
+    """Move poses back towards those of the frame `before`, so that no joint is faster than `MAX_JOINT_SPEED_M_PER_S`.
 
     The network continues from its own pose, which the shown one reaches some frames later.
     """

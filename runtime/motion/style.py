@@ -84,7 +84,7 @@ class Style:
 
     @property
     def ways(self) -> Ways:
-        """The mirroring with which it is folded."""
+        """Whether the style is folded for a mirrored walk, and whether limbs come from the opposite one."""
         return Ways(self.mirrored, self.opposite is not None)
 
 
@@ -98,12 +98,15 @@ class StyleMix:
 
 
 def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:
-    """Return the blend weights of the second style at which the change is visibly done by `weights` (0 to 1)."""
+    """Return the blend weights of the second style that change the walk visibly by these fractions, 0 to 1.
+
+    `fractions` are the weights that `runtime.motion.perceptual_weights` measured.
+    """
     return tuple(np.interp(weights, np.linspace(0.0, 1.0, len(fractions)), fractions).tolist())
 
 
 def turned_round(fractions: Shares) -> Shares:
-    """Return the weights of the same pair in reverse order."""
+    """Return the measured weights of the same two styles in reverse order."""
     return tuple(1.0 - fraction for fraction in reversed(fractions))
 
 
@@ -154,7 +157,10 @@ class StyleFolder:
         self._known: dict[tuple[bytes, bool], Style] = {}
 
     def fold(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style:
-        """Fold a style with its best mirroring, or with at least that of `like`. Raises ModelError if a code does not fit the model."""
+        """Fold a style for the walk, mirrored or not, in which it looks best, or for those that `like` names.
+
+        Raises ModelError if a code does not fit the model.
+        """
         mix = style if isinstance(style, StyleMix) else StyleMix((1.0,), (style,))
         return replace(self._mixed(mix, like), edits=mix.edits)
 
@@ -184,7 +190,7 @@ class StyleFolder:
 
 
 class Fold(Protocol):
-    """Folds a code or a mix with its best mirroring, or the requested one."""
+    """Folds a code or a mix for the walk, mirrored or not, in which it looks best, or for the requested ones."""
 
     def __call__(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style: ...
 

@@ -54,7 +54,7 @@ class CapturedPhrases:
         )
 
     def caption(self, part: str, sentence: str, among: frozenset[str] = frozenset()) -> dict[str, Ranges]:
-        """Return the ranges, by target, of the styles that a description is a caption of, preferring those `among`."""
+        """Return, by target, the ranges captured in the styles that have this description as a caption, preferably those `among`."""
         styles = self.captions.get(_words(part, sentence), frozenset())
         styles = styles & among or styles
         return {name: self._over(styles, part, name) for name in self._names(styles, part)}

@@ -202,7 +202,7 @@ def _ask_of_every_trunk(result: Array) -> None:
 
 
 def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[float]) -> Array:
-    """Return the edit targets of two prompts mixed, each part by its own weight of B."""
+    """Return the edit targets of prompts A and B mixed, with the weight of B in each part."""
     of_b = np.array([weights[PART_NAMES.index(part)] for part in PARTS])[:, None, None]
     return np.asarray((1.0 - of_b) * edit_targets(a) + of_b * edit_targets(b))
 

@@ -234,7 +234,7 @@ def vectors_as_bytes(vectors: NDArray[np.float32]) -> NDArray[np.int8]:
 
 
 def unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
-    """Return the unit vectors of quantised ones; inverse of `vectors_as_bytes`."""
+    """Return the unit vectors `(..., D)` that were quantised by `vectors_as_bytes`."""
     vectors = stored.astype(np.float32)
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1.0), np.float32)
 

@@ -66,7 +66,7 @@ class Prompter:
 
     @cached_property
     def library(self) -> LibraryExpander:
-        """The shipped prompt library."""
+        """The library expander, with the shipped prompt library."""
         return LibraryExpander(library_encoder(self.text_encoder))
 
     def expand(self, prompt: str) -> Expansion:

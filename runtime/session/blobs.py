@@ -74,7 +74,7 @@ class BlobReader:
     _made: dict[Any, Any] = field(default_factory=dict)
 
     def once(self, what: str, key: Any, make: Callable[[], Made]) -> Made:
-        """Return the result of `make` for a key, called only once per key."""
+        """Return the result of `make` for a key, which is called only once per key."""
         if (what, key) not in self._made:
             self._made[what, key] = make()
         return self._made[what, key]

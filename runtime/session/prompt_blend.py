@@ -16,7 +16,7 @@ from runtime.skeleton import PART_NAMES
 
 
 class Side(IntEnum):
-    """Prompt A, or the prompt B with which it is blended."""
+    """The side of a blend: prompt A, or prompt B."""
 
     A = 0
     B = 1
@@ -50,14 +50,14 @@ class PromptBlend:
         return dataclasses.replace(self, answers=answers, shares=LINEAR)
 
     def locking_edits(self, before: Answer | None) -> PromptBlend:
-        """Lock each part whose words changed since `before` if they are edited, else unlock it."""
+        """Return the blend with each part whose words changed since `before` locked if they were edited, else unlocked."""
         if self.a is None or before is None:
             return self
         changed = {p for p in PART_NAMES if getattr(self.a.words, p) != getattr(before.words, p)}
         return dataclasses.replace(self, locked=self.locked - changed | changed & set(self.a.edited))
 
     def locked_on(self, side: Side) -> frozenset[str]:
-        """Return the parts that answers on a side do not change; for prompt B only those in which it shows."""
+        """Return the locked parts that new answers on a side must not change; for prompt B only those in which it shows."""
         if side is Side.A:
             return self.locked
         return frozenset(p for p, w in zip(PART_NAMES, self.weights, strict=True) if w > 0.0) & self.locked
@@ -90,7 +90,7 @@ class PromptBlend:
         return dataclasses.replace(self, answers=self.answers[::-1], weights=flipped, shares=shares)
 
     def typed(self) -> str:
-        """Return the typed prompts if `replayable` stores descriptions instead, else ""."""
+        """Return the prompts as typed, if `replayable` stores descriptions instead of them; else ""."""
         sides = [side for side in ((self.a, self.b) if self.blended else (self.a,)) if side is not None]
         if all(side.replayable == side.prompt for side in sides):
             return ""

@@ -97,7 +97,7 @@ def is_damage(error: FileError) -> bool:
 
 
 def is_of_the_disk(error: BaseException | None) -> bool:
-    """Return whether an error may go away if the operation is retried."""
+    """Return whether an error of the disk may go away when the operation is tried again."""
     kinds = (OSError, FileError, sqlite3.OperationalError)
     return isinstance(error, kinds) or type(error) is sqlite3.DatabaseError
 

@@ -114,7 +114,7 @@ class Take:
 
     @property
     def made(self) -> Motion:
-        """Its motion; UsageError for the live character, which has none yet."""
+        """The take's motion; UsageError for the live character, which has none yet."""
         if self.motion is None:
             raise UsageError("The live character is not recorded.", "Record a take with R.")
         return self.motion
@@ -139,13 +139,13 @@ class Take:
 
     @property
     def base_clip(self) -> Clip:
-        """Its frames before pose edits; FileError if its file cannot be read."""
+        """The take's frames before pose edits; FileError if its file cannot be read."""
         clip = self.made.clip
         return _mirrored(self.made) if self.mirrored else clip
 
     @property
     def below_layer(self) -> Clip:
-        """Its frames with footplants, before the pose layer and pins."""
+        """The take's frames with footplants, before the pose layer and pins."""
         plants = PoseEdits(footplants=self.poses.footplants)
         return _posed(self.made, self.mirrored, plants) if plants else self.base_clip
 

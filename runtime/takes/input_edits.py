@@ -105,7 +105,7 @@ def with_prompt(inputs: InputRecording, style: StyleChange) -> Edit:
 
 @dataclass(frozen=True)
 class Block(Span):
-    """A range of frames that takes its value from span number `of`, counting the track's spans and then the added ones."""
+    """A range of frames with the index `of` of the span that it belongs to, old spans first, then added ones."""
 
     of: int
 

@@ -213,7 +213,7 @@ class InputRecording:
         return self.frames[-self.start :].gaits()
 
     def prompts(self) -> tuple[PromptEvent, ...]:
-        """Return the clip's prompts with their times; a quick series of live changes counts as one, the last, at the time of the first."""
+        """Return the clip's prompts with their times; changes by a moving slider count as one, the last, at the time of the first."""
         kept: list[tuple[int, PromptEvent]] = []
         for change in self.changes:
             if not isinstance(change, StyleChange):

@@ -37,9 +37,9 @@ Grounds = tuple[Terrain, Terrain]  # of the first clip, on which the result walk
 
 
 def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
-    """Join two clips; the first frame of the second is placed on the last of the first. UsageError for different body sizes.
+    """Return two clips joined: the second is placed so that its first frame meets the first clip's last.
 
-    With `grounds`, feet of the second clip keep their height over the ground, measured on its own and applied on the first's.
+    With `grounds`, the feet of the second clip keep their heights over the ground. Raises UsageError for different body sizes.
     """
     if first.size != second.size:
         raise UsageError("The takes are of bodies of different sizes.", "Join takes of one character.")

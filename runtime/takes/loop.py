@@ -113,7 +113,7 @@ def seam_error(cycle: Clip, root: RootTrack) -> tuple[float, float]:
 
 
 def seam_steps(cycle: Clip, root: RootTrack) -> tuple[float, float]:
-    """Return the largest change of joint motion per frame (metres), across the seam and inside the cycle."""
+    """Return the largest jump of a joint's motion between frames (metres), at the seam and elsewhere in the cycle."""
     positions, _ = cycle.world()
     steps = np.diff(positions.astype(np.float64), axis=0)
     seen = features.to_root(steps, root.yaw[:-1, None])

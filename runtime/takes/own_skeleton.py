@@ -36,7 +36,7 @@ class OwnSkeleton:
 
     @staticmethod
     def unpacked(parents: tuple[int, ...], middle: Array, data: bytes) -> OwnSkeleton:
-        """Unpack a skeleton; ValueError if the data is inconsistent."""
+        """Return the skeleton that `packed` packed; ValueError if its parts do not fit each other."""
         frames, count = len(middle), len(parents)
         fits = 0 < count <= MAX_POINTS and len(data) == 2 * 3 * frames * count and frames > 0
         if not fits or any(not -1 <= parent < count for parent in parents) or not np.isfinite(middle).all():

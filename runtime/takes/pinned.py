@@ -62,7 +62,7 @@ class _Frames:
 def pinned(
     clip: Clip, pins: Sequence[Pin], begin_s: float = 0.0, pose_at: Callable[[float], Array] | None = None
 ) -> Clip:
-    """Return the clip with pins applied in order: poses, feet, looks, then hands.
+    """Return the clip with pins applied: poses first, then feet, looks and hands.
 
     The clip may be part of a take, beginning at `begin_s`; `pose_at` gives the take's local rotations at a time.
     """
@@ -95,7 +95,7 @@ def pinned(
 def bent_pose(
     hips: Array, local: Array, contacts: Array, pins: Sequence[tuple[Pin, float]]
 ) -> tuple[Array, Array, Array]:
-    """Return one pose, hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`, bent to weighted pins; pose pins are ignored."""
+    """Return a pose bent to pins with weights: hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`. Pose pins are ignored."""
     frames = _Frames(np.asarray(hips, float)[None], np.asarray(local, float)[None], np.array(contacts)[None])
     for pin, weight in sorted(pins, key=lambda entry: ORDER.index(entry[0].what)):
         if pin.what is not Pinned.POSE and weight > 0.0:
@@ -115,7 +115,7 @@ def farthest(clip: Clip, pin: Pin) -> float:
 
 
 def point_of(what: Pinned, positions: Array, world: Array) -> Array:
-    """Return the point `(3,)` where a pin would hold this pose `(31, 3)`, `(31, 4)`; a look is two metres ahead of the eyes."""
+    """Return the point `(3,)` at which a new pin holds this pose, `(31, 3)` and `(31, 4)`; for a look, two metres ahead of the eyes."""
     if what is Pinned.LOOK:
         return np.asarray(positions[HEAD] + 2.0 * rotations.rotate(world[HEAD], _FORWARD))
     joint = np.array(positions[_joint(what)], float)

@@ -159,7 +159,7 @@ class PoseLayer:
         return sorted(self._points[curve])
 
     def values(self, curve: Curve, joint: int, seconds: Array) -> Array:
-        """Return the curve of a joint at times `(T,)`: rotation vectors, or shifts in metres, `(T, 3)`."""
+        """Return the curve of a joint at times `(T,)`: rotation vectors (radians) or offsets (metres), `(T, 3)`."""
         return self._between(self._points[curve].get(joint, []), seconds)
 
     @cached_property
@@ -261,7 +261,7 @@ def layered(clip: Clip, layer: PoseLayer, begin_s: float = 0.0) -> Clip:
 def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, Array]) -> tuple[Array, Array]:
     """Return hips `(T, 3)` and local rotations `(T, 31, 4)` with rotations and offsets `(T, 3)` of joints added.
 
-    Leg rotations determine where feet and knee planes go; then the hips move, and the legs reach the feet.
+    Rotations of the legs set the places of the feet and the planes of the knees; then the hips move, and the legs reach the feet.
     """
     heading = rotations.from_yaw(rotations.yaw_of(local[:, HIPS]))
     made = local.copy()

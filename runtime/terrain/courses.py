@@ -60,7 +60,7 @@ BEAM_RAMP_M = 1.2  # at both of its ends
 
 
 def raise_obstacles(x: Array, z: Array, obstacles: Sequence[Obstacle]) -> Array:
-    """Return the heights of grid points x, z with obstacles."""
+    """Return the heights (metres) of obstacles at grid points x, z, 0 beside them."""
     heights = np.zeros_like(x)
     for obstacle in obstacles:
         heights = np.where(obstacle.raised(x, z), np.maximum(heights, obstacle.top), heights)
@@ -68,6 +68,6 @@ def raise_obstacles(x: Array, z: Array, obstacles: Sequence[Obstacle]) -> Array:
 
 
 def raise_beam(x: Array, z: Array) -> Array:
-    """Return the heights of grid points x, z of the beam and its ramps."""
+    """Return the heights (metres) of the beam and its ramps at grid points x, z, 0 beside them."""
     ramp = np.clip(np.minimum(z - BEAM.begin, BEAM.end - z) / BEAM_RAMP_M, 0.0, 1.0)
     return np.where(np.abs(x) <= BEAM.half_width + ROUNDING_M, BEAM.top * ramp, 0.0)

@@ -52,9 +52,9 @@ class Terrain:
         return Terrain(name, np.zeros((n, n), np.float32), cell_m, (-size_m / 2, -size_m / 2))
 
     def seen_by(self, size: float) -> Terrain:
-        """Return the ground scaled to the units of a body `size` times as large as ours, so that one unit is `size` metres.
+        """Return the ground in the units of a body `size` times as large as ours, for which one unit is `size` metres.
 
-        The simulation and the view then work in these units. Ground at that scale already is returned unchanged.
+        The simulation and the view then work in these units. Ground in these units already is returned unchanged.
         """
         if size == self.unit_m:
             return self

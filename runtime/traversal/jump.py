@@ -156,7 +156,7 @@ class Jump:
 
     @property
     def pace(self) -> float:
-        """Rate of the network's rhythm in this frame; it eases in during the push."""
+        """Rate at which the network's rhythm runs in this frame, 1 as usual; it eases in during the push."""
         if self.stage != "push":
             return self.rate
         return 1.0 + (self.rate - 1.0) * min(self.time / EASE_S, 1.0)

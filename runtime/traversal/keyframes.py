@@ -139,7 +139,7 @@ def place_foot(
     knee_out: float,
     free: float,
 ) -> Vector:
-    """Place one leg's toe joint at `toe`, with the foot's world rotation `foot`, and return the knee's position.
+    """Bend one leg in place so that its toe joint is at `toe` and its foot has the rotation `foot`; return the knee's position.
 
     `knee_out` (radians) turns the knee outwards about the hip-ankle line. A leg that is `free` (0..1) never gets
     straight, since a straight knee unlocks at any speed.
@@ -177,7 +177,7 @@ def place_hand(
     hand: Quaternion,
     weight: float,
 ) -> None:
-    """Place one arm's wrist at `wrist` with the hand's rotation `hand`, blended by `weight` (0..1).
+    """Bend one arm in place so that its wrist is at `wrist` and its hand has the rotation `hand`, blended by `weight` (0..1).
 
     The elbow points towards `pole`. The forearm takes part of the hand's twist, as its two bones do.
     """
@@ -238,7 +238,7 @@ FADE_S = 0.25  # at both ends: inverse kinematics takes over the incoming legs
 
 @dataclass(frozen=True)
 class KeyframedMotion:
-    """Tracks of a keyframed motion; metres and radians in the traversal's frame, left before right.
+    """A keyframed motion as tracks over time, in metres and radians of the traversal's frame; pairs have the left side first.
 
     A foot's position is a weighted sum of its incoming positions at start and end, plus an offset, so that it lands in
     the style's own stance.
@@ -360,7 +360,7 @@ def stands(
     whole: float = 1.0,
     heel_on: float | None = None,
 ) -> Rows:
-    """Return contact rows of heel and toe for a standing foot; the heel may land later and lift earlier than the toe."""
+    """Return the contact keys of heel and toe for a standing foot; the heel may land later and lift earlier than the toe."""
     toe_off = heel_off if toe_off is None else toe_off
     soon = CONTACT_CHANGE_FRACTION * whole
     rows: Rows = [] if begin == 0 else [(begin - soon, 0, 0)]

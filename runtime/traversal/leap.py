@@ -232,7 +232,7 @@ class _FootPlan:
         self.rotation = rotations.multiply(rotations.from_yaw(np.full(len(pitch), yaw)), _pitched(pitch))
 
     def clear(self, profile: Callable[[Array], Array]) -> None:
-        """Raise the swing so that the sole clears the obstacle."""
+        """Raise the foot during its swing so that the sole clears the obstacle."""
         u = self._swing
         points = [
             (self.ankle, ANKLE_HEIGHT),

@@ -76,7 +76,7 @@ class ObstacleProbe(NamedTuple):
         return self.stops or (self.ahead is not None and not self.ahead.alone)
 
     def alone(self) -> ObstacleProbe:
-        """Return the probe for a network that crosses this obstacle: bars and gaps are marked as stepped over, steps are ignored."""
+        """Return the probe for a network that crosses this obstacle itself: bars and gaps are to be stepped over, steps are ignored."""
         if self.ahead is None or self.ahead.obstacle.kind not in (ObstacleKind.BAR, ObstacleKind.GAP):
             return CLEAR
         return ObstacleProbe(False, replace(self.ahead, alone=True), None)

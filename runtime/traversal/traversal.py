@@ -100,7 +100,7 @@ class Traversal:
         return mixed / size if size > 0.5 else heading
 
     def probe(self, terrain: Terrain | None, place: Array, heading: Array, speed: float) -> ObstacleProbe:
-        """Return what lies ahead of a root at `place` (XZ) with the stick at `heading` (XZ); updates whether it is stopped.
+        """Return what lies ahead of a root at `place` (XZ) with the stick at `heading` (XZ); updates whether it has stopped.
 
         `speed` is the root's, m/s; `terrain` is None if it holds no obstacle, or nothing is requested.
         """

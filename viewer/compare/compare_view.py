@@ -167,7 +167,7 @@ class CompareView:
             self.editor.do(f"variant {index + 1} removed", lambda session: replace(session, variants=rest))
 
     def reseed(self, index: int, seed: int) -> None:
-        """Change a variant's seed while its field is dragged or edited."""
+        """Remove a variant; two always stay."""
         change = _with_variant(self.variants[index].number, lambda v: replace(v, seed=max(seed, 0)))
         self.editor.drag(f"seed of variant {index + 1}", change)
 
@@ -214,7 +214,7 @@ class CompareView:
         return ready
 
     def follow(self, before: Session, now: Session) -> None:
-        """Bring the simulated characters in line with the session's variants; close without any."""
+        """Show the session's variants after a change of it; close the view if there are none."""
         standing = self._standing
         if not self.open or now.variants == standing:
             return
@@ -376,7 +376,7 @@ class CompareView:
         return [interpolate(a, b, fraction) for a, b in zip(self._before, self.poses, strict=True)]
 
     def frame_all(self, camera: CameraControl, aspect: float, dt: float) -> None:
-        """Move the camera smoothly so that all characters fit into a view of `aspect` times the window's height, keeping the zoom."""
+        """Move the camera smoothly so that all characters fit into a view of aspect ratio `aspect`, keeping the user's zoom."""
         if not self.open:
             return
         orbit, poses = camera.orbit, self.poses

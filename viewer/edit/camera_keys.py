@@ -95,14 +95,14 @@ class CameraKeys:
             camera.target = looked_at(pose.hips_position, terrain) + np.array([key.x, key.y, key.z])
 
     def panel(self) -> Panel:
-        """Return the panel that marks the film's frame in the view."""
+        """Return the panel that marks the edges of the film in the view."""
         actions = {Action.KEYED_CAMERA: self.toggle}
         return Panel(
             "Film", PanelPlace.SIGN, lambda _: self._draw(), shown=lambda: self.through, actions=actions
         )
 
     def fit(self, most: float, aspect: float) -> float:
-        """Return the fraction of the height for the view so that the film's frame fits into a view of this `aspect`."""
+        """Return the height of the view, as a fraction, in which the whole film fits into a view of this `aspect`."""
         usual = math.tan(FOV_Y_RAD / 2) / self._half_height
         return FILM_VIEW_FRACTION * usual * min(most, aspect / self._aspect)
 

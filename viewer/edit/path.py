@@ -69,7 +69,7 @@ class PathTool:
 
     @property
     def points(self) -> tuple[Waypoint, ...]:
-        """The drawn points; for a take without any, while editing, the path that it takes."""
+        """The path's points; for a take without any, while the tool is open, those of the way that it went."""
         take = self.take
         if take.path or take.motion is None or not (self.active and self.of_take):
             return take.path
@@ -127,7 +127,7 @@ class PathTool:
             self._put("point of the path", (*points[:i], made, *points[i + 1 :]), held=True)
 
     def delete(self) -> None:
-        """Delete the selected point and select the previous one."""
+        """Delete the selected point and select the one before."""
         points, i = self.points, self.selected
         if 0 <= i < len(points):
             self._put("removal of a point of the path", points[:i] + points[i + 1 :])

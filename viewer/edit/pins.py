@@ -185,7 +185,7 @@ class Pins:
             self.editor.messages.note(f"{take.title}: {label}. Ctrl+Z undoes it.")
 
     def reach(self) -> float:
-        """Return how far (metres) the held part is from its pin in the worst frame, or 0 if that is little."""
+        """Return the largest distance (metres) of the held part from its pin in any frame, or 0 if it is small."""
         playback, pin = self.playback, self.pin
         if playback is None or pin is None or playback.shown is not playback.take:
             return 0.0

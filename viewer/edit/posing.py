@@ -115,7 +115,7 @@ class Posing:
     # --- edits
 
     def edit(self, label: str, change: Callable[[PoseKey], PoseKey], held: bool = False) -> None:
-        """Set a key with the shown pose after `change`; `held` while the gizmo is dragged."""
+        """Key the pose that `change` makes of the shown one; `held` while the gizmo is dragged."""
         playback = self.takes.playback
         if playback is not None:
             fps = playback.clip.fps

@@ -43,7 +43,7 @@ LIMITS = {  # of fields that are dragged
 
 
 class Look(StrEnum):
-    """Which body shows the reference."""
+    """The body that shows the reference."""
 
     TAKE = "As the take"  # the character on the stage
     SKELETON = "Its own skeleton"  # that of its file
@@ -90,7 +90,7 @@ class References:
 
     @property
     def look(self) -> Look:
-        """Which body shows the reference, if it is available."""
+        """The body that shows the reference, as far as it is available."""
         chosen = self.reference.look
         default = Look.SKELETON if self.take is not None and self.take.own is not None else Look.TAKE
         return Look(chosen) if chosen in self.looks else default

@@ -185,7 +185,7 @@ class Resimulation:
     def again(
         self, label: str, edit: Callable[[InputRecording], Edit], also: Change = lambda session: session
     ) -> None:
-        """Resimulate the playing take with the recorded stick after an edit of its input."""
+        """Resimulate the playing take with its recorded stick, after an edit of its input."""
 
         def work(
             driven: Clip, inputs: InputRecording, model: Steppable, progress: Callable[[float], None]

@@ -126,7 +126,7 @@ class Selection:
             self.editing.takes.messages.note("There is no room for that in the take.")
 
     def moved(self, items: Items, by: int) -> list[Item]:
-        """Return the items shifted by frames, limited to the take; an item at the take's end keeps that end."""
+        """Return the items shifted by `by` frames, as far as the take allows; one that ends with the take keeps that end."""
         end = self._end
 
         def at_end(item: Item) -> bool:
@@ -147,7 +147,7 @@ class Selection:
         return 0 if self.editing.playback is None else self.editing.playback.frames
 
     def resized(self, item: Item, by: int, start: bool) -> Item:
-        """Return the item with its start or end shifted by frames."""
+        """Return the item with its start or end shifted by `by` frames."""
         end = self._end
         if start:
             return item.at(min(max(item.start + by, 0), item.end - 1), item.end)

@@ -35,7 +35,7 @@ class Item(Span):
 
     @property
     def key(self) -> Key:
-        """The identity of the item: kind, lane and start frame; for takes and pins not the frame."""
+        """The key by which an item is known: its kind, lane and start frame; takes and pins are known by their lane alone."""
         return self.kind, self.lane, 0 if self.kind in (TAKES, PINS) else self.start
 
     def at(self, start: int, end: int) -> Item:
@@ -58,10 +58,10 @@ Items = Sequence[Item]
 
 @dataclass(frozen=True)
 class ItemKind:
-    """How the selection edits the items of a track.
+    """How the selection edits one kind of items.
 
-    An edit replaces items `gone` by others; moved items keep their order. `change` applies it to a take of the session,
-    by number, and returns what was added; `edit` applies it to the take's input, which is then resimulated.
+    An edit takes items away (`gone`) and puts others; moved items have the same order in both. `change` applies it to a take of
+    the session, by number, and returns what was added; `edit` applies it to the take's input, which is then resimulated.
     """
 
     name: str  # of one, in the user's words
@@ -156,7 +156,7 @@ def _short(spec: str) -> str:
 
 
 def lanes(pins: Sequence[Pin]) -> list[list[int]]:
-    """Return the indices of pins, grouped into lanes without overlap."""
+    """Return the indices of the pins by lane; pins in a lane do not overlap."""
     found: list[list[int]] = []
     for i in sorted(range(len(pins)), key=lambda i: pins[i].start):
         lane = next((lane for lane in found if pins[lane[-1]].end <= pins[i].start), None)

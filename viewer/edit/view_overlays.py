@@ -28,7 +28,7 @@ JOINTS = tuple(
 
 
 def ghosts(playback: Playback, every: int) -> list[Pose]:
-    """Return the poses at every `every` frames around the one shown, within the trim, except those too close to it."""
+    """Return the poses of every `every`th frame around the one shown, within the trim, except those too close to it."""
     frame = playback.frame
     centre = round(frame / every)
     numbers = [k * every for k in range(centre - GHOSTS, centre + GHOSTS + 1)]

@@ -51,7 +51,7 @@ class ExportForm(ExportOptions):
         return FORMATS[self.suffix]
 
     def chosen(self, fps: float) -> dict[str, Any]:
-        """Return the values of the format's options for a take of `fps` frames a second."""
+        """Return the values of the options that the chosen format has, for a take of `fps` frames a second."""
         bones = bool(self.engine and ENGINES[self.engine].bones)
         return {name: getattr(self, name) for name in self.format.options} | {
             "fps": self.fps or fps, "strides": self.strides if self.loop else 1,

@@ -38,7 +38,7 @@ class Defect:
 
 @dataclass
 class Defects:
-    """Contains internal errors of a frame; when inactive, as without a display, errors propagate."""
+    """Catches internal errors within a frame; when inactive, as without a display, they are raised."""
 
     folder: Path  # of the reports
     device: str  # what draws, for the report

@@ -85,7 +85,7 @@ def _divided(column: Rect, scale: float) -> dict[str, Rect]:
 
 
 def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
-    """Return the centre of the free view, from -1 (left, bottom) to 1, and the fraction of the window's height that it fills.
+    """Return the centre of the free view (-1 left or bottom to 1) and the fraction of the window's height that it fills.
 
     `covered` is the width taken from the view's left, ignored if too little would be left. The horizontal centre is 0
     if hardly anything is free.

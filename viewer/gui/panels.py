@@ -179,7 +179,7 @@ def card(
 ) -> Iterator[None]:
     """Draw a small window in a corner of `view`, as tall as its contents.
 
-    It is at the `right`, at the `bottom`, or `below` the top by that much, until it is dragged or the view changes.
+    It is at the left or `right`, at the top (lowered by `below`) or `bottom`, until it is dragged or the view changes.
     `width` and `below` are pixels at scale 1; `behind` keeps it behind other windows when clicked.
     """
     x = view.x + (view.width - px(CARD_MARGIN_PX) if right else px(CARD_MARGIN_PX))

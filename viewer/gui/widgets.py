@@ -39,7 +39,7 @@ _BARE_SLIDER: dict[int, Color] = {
 
 
 def px(length: float) -> float:
-    """Return a length at scale 1 in screen units."""
+    """Return a length given at scale 1, in screen units."""
     return length * imgui.get_style().font_scale_dpi
 
 

@@ -193,7 +193,7 @@ class PromptController:
         self.moves_by(self.prompt)
 
     def moves_by(self, blend: PromptBlend) -> None:
-        """Record the style that the character already has, and change it if the prompt in force differs."""
+        """Record the blend that the character shows already; if the prompt in force differs, blend to that."""
         self._due_seconds = None
         self._change_style(blend, self.prompt)
 
@@ -362,7 +362,7 @@ class PromptController:
             self._ask_waiting()
 
     def ask_again(self) -> None:
-        """Encode the words of all steps again for the model in use; new questions wait for that."""
+        """Encode the words of all steps anew for the model in use; new questions wait until that is done."""
         words = words_of_all([step.session for step in self.editor.history.steps])
         if self.workers is None:
             return

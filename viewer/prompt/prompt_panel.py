@@ -254,7 +254,7 @@ def _lock_button(name: str, locked: bool, hint: str, size: float = 0.0) -> bool:
 
 
 def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
-    """Return which fraction (0 to 1) of a part's words the model shows in a walk, if it is very little, else None.
+    """Return the fraction (0 to 1) of a part's words that a walk of the model shows, if it is very small, else None.
 
     Always None for the default walk.
     """

@@ -59,7 +59,7 @@ def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer
 
 
 def with_better_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
-    """Return the blend with a better answer to a question, unchanged if the first one is no longer in force.
+    """Return the blend with the first answer to a question replaced by a better one, if that is still in force.
 
     Parts locked since the first answer keep its words.
     """

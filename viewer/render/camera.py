@@ -98,7 +98,7 @@ class Camera:
 
     @property
     def half_height(self) -> float:
-        """Half the height visible at a distance of 1."""
+        """Half the height (metres) visible at a distance of one metre."""
         return math.tan(self.fov_y / 2) / self.fit
 
     @property

@@ -209,7 +209,7 @@ def _mask_colors(target: moderngl.Framebuffer, written: bool) -> None:
 def character_draws(
     solid: list[Pose], ghosts: list[Pose], frames: list[Pose], eye: Array
 ) -> list[CharacterDraw]:
-    """Return the draw list: solid poses, the character first, then ghosts, and poses of other frames.
+    """Return the draw list: solid poses, the character first, then ghosts, then ghosts of other `frames`.
 
     Ghosts become fainter if several are in front of the character as seen from `eye` `(3,)`.
     """
@@ -249,7 +249,7 @@ def coarse_triangles(
     colors: Array | None = None,
     kept: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.integer]:
-    """Return a simplified mesh `(n, 3)`: vertices in a cell of size `cell_m` are merged, except those `kept`.
+    """Return triangles `(n, 3)` of a simplified mesh: vertices in a cell of size `cell_m` are merged, except those `kept`.
 
     With `colors` `(V, 3)`, only vertices of equal colour are merged, so that colour borders stay sharp.
     """

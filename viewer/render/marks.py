@@ -187,7 +187,7 @@ def pin_strokes(pins: PinOverlay, pixel_scale: float) -> Strokes:
 
 
 def marks_of(pose: Pose) -> Array:
-    """Return the contact shadows of a pose, `(2, 3, 4)`: start with radius and end with strength, for both feet and the body."""
+    """Return the contact shadows of a pose `(2, 3, 4)`: heels with radius, then toes with strength, of both feet and the body."""
     soles = _soles(pose).reshape(2, 2, 3).swapaxes(0, 1)
     places = np.concatenate([soles, np.tile(pose.root_position, (2, 1, 1))], axis=1)
     sizes = (

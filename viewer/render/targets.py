@@ -13,7 +13,7 @@ Box = tuple[int, int, int, int]  # pixels: x, y (up), width, height
 
 
 class ShadowMap:
-    """The depth texture seen from the sun, read with comparison."""
+    """The depth texture as seen from the sun; shaders read it with a comparison."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx

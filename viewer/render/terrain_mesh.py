@@ -226,7 +226,7 @@ class TerrainMesh:
         return np.array(list(product(*sides)))
 
     def indices(self, levels: Levels, chosen: NDArray[np.bool_]) -> Indices:
-        """Return the vertex indices of the triangles of the `chosen` tiles."""
+        """Return the vertex indices that make up the triangles of the `chosen` tiles."""
         x, z = levels
         wide_x, wide_z = np.pad(x, 1, mode="edge"), np.pad(z, 1, mode="edge")
         digits = [x, z, wide_z[:-2, 1:-1], wide_z[2:, 1:-1], wide_x[1:-1, :-2], wide_x[1:-1, 2:]]

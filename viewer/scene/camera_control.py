@@ -222,7 +222,7 @@ def _drag_of(table: Mapping[tuple[str, str], Drag], taken: bool) -> Drag | None:
 
 
 def start_yaw(terrain: Terrain) -> float:
-    """Return the facing (radians) of a character at the origin: +Z, or towards the first obstacles if none are there."""
+    """Return the yaw (radians) in which a character starts at the origin: +Z, or the direction with most obstacles if +Z has none."""
     yaws = math.tau * np.arange(DIRECTIONS) / DIRECTIONS
     along = np.arange(NEAR_M, FAR_M, STEP_M)
     heights = terrain.height(np.outer(np.sin(yaws), along), np.outer(np.cos(yaws), along))

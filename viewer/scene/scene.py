@@ -105,7 +105,7 @@ class Scene:
 
     @property
     def now(self) -> float:
-        """The time (seconds) of the clock for live pins."""
+        """The time (seconds) at which live pins are in force, from the start of the program."""
         return self.inputs.next_frame / FPS
 
     def bend(self, pose: Pose, now: float) -> Pose:

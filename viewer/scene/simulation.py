@@ -72,7 +72,10 @@ def interpolate(a: Pose, b: Pose, t: float) -> Pose:
 
 
 def steps_of(due_s: float, frame_s: float, step_ms: float) -> tuple[int, float]:
-    """Return how many steps to simulate of the due time, given the cost of a step, and the time left over (seconds)."""
+    """Return how many steps of the due time to simulate in this frame, and how much of that time (seconds) is left.
+
+    `step_ms` is the cost of a step; a frame takes no more of them than it can afford.
+    """
     steps = int(due_s / STEP_SECONDS + 1e-6)
     left_s = min(max(due_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
     affordable = int(MODEL_TIME_FRACTION * frame_s * 1e3 / max(step_ms, 1e-3))

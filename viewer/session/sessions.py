@@ -185,7 +185,7 @@ class Sessions:
             self.messages.warn("No session was saved or opened before.")
 
     def save(self) -> None:
-        """Ask for the name of an untitled session; a named one is saved continuously."""
+        """Save the session: ask for a name if it is untitled; a named one is saved continuously."""
         if self.path is None:
             self.ask_save()
         elif self.editor.file.flush(1.0):

@@ -321,7 +321,7 @@ class Takes:
         return found
 
     def versions(self, number: int) -> list[tuple[str, Take]]:
-        """Return earlier versions of a take from the history, oldest first: the edit's label and the take."""
+        """Return earlier versions of a take from the history, oldest first, each with the label of its edit."""
         found: list[tuple[str, Take]] = []
         for step in self.editor.history.steps:
             take = step.session.take(number)

@@ -75,7 +75,10 @@ def compose_elements(
 def pace_as_stated(
     elements: Sequence[Element], read: Sequence[Element], entries: tuple[LibraryEntry, ...]
 ) -> tuple[list[Element], dict[str, str]]:
-    """Drop the entries in `read` that only set a pace if another entry moves the legs; also return what they state of the legs."""
+    """Return the elements and what they state of the legs, without entries in `read` that merely set a pace.
+
+    They are only left out if another entry moves the legs.
+    """
     paces = [e for e in read if _PACE_ALONE.search(entries[e.entry].descriptions.left_leg)]
     others = [e for e in elements if e not in paces]
     if not paces or not any("left_leg" in entries[e.entry].defines for e in others if not e.only):
@@ -85,7 +88,7 @@ def pace_as_stated(
 
 
 def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[str, str]:
-    """Return what a prompt states of parts, combined with whatever of its figure agrees: turned-out feet that trudge."""
+    """Return what a prompt states of parts, with those clauses of its figure added that agree: turned-out feet that trudge."""
     return {part: _with_figure(part, words, figure[part]) for part, words in stated.items()}
 
 
@@ -263,7 +266,7 @@ def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> flo
 
 
 def words_of_parts(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:
-    """Return six descriptions, each from the entry of its part."""
+    """Return six descriptions, each taken from the library entry of its part."""
     return PartDescriptions(**{part: getattr(entries[i].descriptions, part) for part, i in sources.items()})
 
 

@@ -62,7 +62,7 @@ class Grammar:
         return next(name for name, group in self.groups.items() if group.nouns.fullmatch(noun))
 
     def sentence(self, rules: Rules, words: str) -> str | None:
-        """Return the sentence of the rule with the longest match, in the degree of the words ("slightly")."""
+        """Return the sentence of the rule with the longest match, adapted to degrees such as "slightly"."""
         found = [(*_rank(match), said) for pattern, said in rules for match in pattern.finditer(words)]
         said = max(found, key=lambda one: one[:-1])[-1] if found else None
         if said is None or isinstance(said, str):

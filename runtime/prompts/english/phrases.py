@@ -109,7 +109,7 @@ class PhraseIndex:
         return entry if entry is not None or not words else self._whole.get(key(without_person(words)))
 
     def plainly(self, text: str) -> str:
-        """Return a lower-case prompt without comparisons that only express degree: "light" for "light as a feather"."""
+        """Return a lower-case prompt with comparisons of degree shortened: "light as a feather" becomes "light"."""
 
         def adjective(match: re.Match[str]) -> str:
             entry = self._phrases.get((stem(match["adjective"]),))

@@ -61,12 +61,6 @@ class Clip:
         """Hips, local rotations and contacts."""
         return self.hips_positions, self.local_rotations, self.contacts
 
-    def move(self, hips_positions: Array, local_rotations: Array, contacts: Array) -> None:
-        """Replace the arrays by equal ones stored elsewhere, such as in a memory-mapped file."""
-        object.__setattr__(self, "hips_positions", hips_positions)
-        object.__setattr__(self, "local_rotations", local_rotations)
-        object.__setattr__(self, "contacts", contacts)
-
     def posed(self, hips: Array, local: Array, contacts: Array | None = None) -> Clip:
         """Return the clip with new hips `(T, 3)`, local rotations `(T, 31, 4)` and optionally contacts `(T, 4)`, float32."""
         return replace(

@@ -27,20 +27,16 @@ OTHER_PARTS_COUNT = 2.0  # other parts of the body (both arms, both legs, torso,
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """How well a model shows certain style codes, measured: how much to exaggerate them, and on which side they look better.
+    """Measurements of how well a model shows some style codes; they are of the left side, and hold for mirrored codes too."""
 
-    Codes are of the left side; mirror images have the opposite lead and the same gain. `codes` `(n, 64)` belong to the
-    parts `PART_NAMES[parts[i]]`. `leads` `(n,)` say by which fraction they are shown better than mirrored, `gains` `(n,
-    2)` the exaggeration from `neutral` `(6, 64)` that shows them fully: alone, and among other unusual parts. `spreads`
-    `(n,)` are the distances of a code's own sentences, as fractions of its distance from neutral.
-    """
-
-    parts: NDArray[np.int64]
-    codes: Float32Array
-    leads: Float32Array
-    gains: Float32Array
-    spreads: Float32Array
-    neutral: Float32Array
+    parts: NDArray[np.int64]  # (n,) indices in `PART_NAMES`, of the part that each code is of
+    codes: Float32Array  # (n, 64)
+    leads: Float32Array  # (n,) by which fraction a code is shown better than its mirror image, whose lead is the opposite
+    gains: (
+        Float32Array  # (n, 2) from `neutral`, that show a code wholly: alone, and among other unusual parts
+    )
+    spreads: Float32Array  # (n,) how far a code's own sentences are from it, over its distance from `neutral`
+    neutral: Float32Array  # (6, 64)
 
     def side_leads(self, z: Float32Array) -> Float32Array:
         """Return how much better each part of Z^t `(6, 64)` is shown than its mirror image, `(6,)` fractions, by the nearest measured code."""

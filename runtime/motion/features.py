@@ -140,9 +140,9 @@ def mean_heights(terrain: Terrain, positions: Array) -> Array:
 
 
 def softened(heights: Array) -> Array:
-    """Return path heights `(..., 12)` flattened towards the ground around the body, as the network sees paths over edges.
+    """Return path heights `(..., 12)` with edges flattened towards the ground around the body, as the network is to see them.
 
-    In front of unsoftened stairs the network loses its style, on a slope it keeps it; the foot lock finds the treads.
+    Steep stairs would make the network lose its style; the foot lock finds the treads by itself.
     """
     middle = L // 2
     here = heights[..., middle - 1 : middle + 2].mean(-1, keepdims=True)

@@ -131,7 +131,7 @@ class StrideState:
 
 
 def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool, response: float) -> float:
-    """Return the factor by which strides lengthen, from pairs of a smoothed and an unsmoothed speed (m/s): planned and shown.
+    """Return the factor by which strides lengthen, for `planned` and `shown` speeds (m/s), each smoothed and not smoothed.
 
     `response` is 1 for a body that may start at once.
     """

@@ -67,10 +67,7 @@ class _Job:
 
 @dataclass
 class Jobs:
-    """Background jobs by slot.
-
-    With `blocking`, `submit` returns after the job is done, so that an offscreen run is deterministic.
-    """
+    """Background jobs by slot. With `blocking`, `submit` returns after the job is done, so that an offscreen run is deterministic."""
 
     messages: Messages
     blocking: bool = False

@@ -327,10 +327,7 @@ LATE_S = 0.15  # by which the new take may be off the time of the clip without a
 
 
 def restyle(editing: Resimulation, prompt: str) -> None:
-    """Walk the playing take's path with another prompt, on the current terrain.
-
-    The result is a new take, with the original as its reference.
-    """
+    """Walk the playing take's path with another prompt, on the current terrain. The result is a new take, with the original as its reference."""
     takes, playback = editing.takes, editing.playback
     controller = takes.scene.simulation.controller
     if playback is None or controller is None or editing.busy or not prompt.strip():

@@ -100,10 +100,7 @@ class Timeline:
         self._of = playback.number, now
 
     def draw(self, tracks: Sequence[Track], playback: Playback, selection: tuple[int, int]) -> None:
-        """Draw the tracks to fit the available height, with scrolling if they need more.
-
-        A button zooms to the `selection`.
-        """
+        """Draw the tracks to fit the available height, with scrolling if they need more. A button zooms to the `selection`."""
         self._follow(playback)
         room = imgui.get_content_region_avail()
         tracks, tall = _fitting(tracks, room.y / px(1.0))

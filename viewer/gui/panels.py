@@ -206,10 +206,7 @@ def card(
 
 
 def card_title(text: str, close: str, remove: str = "") -> str:
-    """Draw a card's title line with a close button and, with a hint, a `remove …` button.
-
-    Returns which of the two was pressed.
-    """
+    """Draw a card's title line with a close button and, with a hint, a `remove …` button. Returns which of the two was pressed."""
     side, buttons, pressed = imgui.get_frame_height(), 1 + bool(remove), ""
     room = imgui.get_content_region_avail().x
     imgui.align_text_to_frame_padding()

@@ -26,10 +26,7 @@ from viewer.messages import Messages
 
 @dataclass
 class JointMapping:
-    """The window for mapping joints by hand; `chosen` maps SPORT joints to joints of the file, "" for none.
-
-    `load` loads a character.
-    """
+    """The window for mapping joints by hand; `chosen` maps SPORT joints to joints of the file, "" for none. `load` loads a character."""
 
     messages: Messages
     jobs: Jobs

@@ -176,7 +176,7 @@ def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:
 
 
 def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:
-    """Return the events of the part that begins at `start` (seconds) and lasts `length`, with times relative to it."""
+    """Return the events in force from `start` (seconds) on for a `length`, with times relative to the start."""
     before = [e for e in events if e.seconds <= start]
     within = [e for e in events if start < e.seconds <= start + length]
     kept = []

@@ -17,7 +17,7 @@ MAX_METADATA_BYTES = 16 << 20
 
 
 def asset_path(relative: str) -> Path:
-    """Path of a shipped asset, e.g. `asset_path("character/mannequin.glb")`; FileError when it is missing."""
+    """Return the path of a shipped asset, e.g. `asset_path("character/mannequin.glb")`; FileError if it is missing."""
     path = PROJECT_ROOT / "assets" / relative
     if not path.exists():
         raise FileError(f"{path}: this shipped file is missing.", "Install the program again.")
@@ -26,15 +26,15 @@ def asset_path(relative: str) -> Path:
 
 @lru_cache(1)
 def shipped_models() -> dict[str, Path]:
-    """Folder of every shipped model by its name, the default first; FileError where the package has none."""
+    """Return the folder of each shipped model by name, the default first; FileError if the package contains none."""
     folders = [path.parent for path in asset_path("models").glob("*/metadata.json")]
     return {path.name: path for path in sorted(folders, key=lambda p: (p.name != DEFAULT_MODEL, p.name))}
 
 
 def model_folder(model: Path | str | None = None) -> Path:
-    """Folder of a model that is shipped under a name (`compact`), lies somewhere (`./mine`) or, for None, is the default.
+    """Return the folder of a shipped model (`compact`), of a path (`./mine`), or of the default model for None.
 
-    FileError where that is missing; of a name it lists those that are shipped.
+    Raises FileError if a named model is missing, with the names that are shipped.
     """
     if model is None:
         return asset_path(f"models/{DEFAULT_MODEL}")
@@ -48,20 +48,20 @@ def model_folder(model: Path | str | None = None) -> Path:
 
 
 def character_file(name: str | Path) -> Path:
-    """The file of a character that is shipped under a name (`walker`), or the path itself."""
+    """Return the file of a shipped character (`walker`), or the path itself if no such character is shipped."""
     shipped = PROJECT_ROOT / "assets" / "character" / f"{name}.glb"
     return shipped if Path(name).parent == Path() and shipped.is_file() else Path(name)
 
 
 def model_name(folder: Path | None) -> str:
-    """Name of a shipped model's folder (None: the default); "" for any other folder."""
+    """Return the name of a shipped model by its folder (None: the default model), or "" for any other folder."""
     if folder is None:
         return DEFAULT_MODEL
     return next((name for name, path in shipped_models().items() if path == folder), "")
 
 
 def model_hashes(folder: Path) -> set[str]:
-    """SHA-256 of the networks of a model, as its metadata says; none where there is no model."""
+    """Return the SHA-256 hashes of a model's networks as listed in its metadata; empty if there is no model."""
     try:
         hashes = parse_json(read_bounded(folder / "metadata.json", MAX_METADATA_BYTES)).get("sha256", {})
     except (FileError, ValueError, AttributeError):
@@ -72,7 +72,7 @@ def model_hashes(folder: Path) -> set[str]:
 
 
 def state_directory(environment: dict[str, str] | None = None) -> Path:
-    """Where takes lie that are not exported: $SPORT_CONFIG_DIR, else $XDG_STATE_HOME/sport-viewer, else ~/.local/state/…."""
+    """Return the folder of takes not yet exported: $SPORT_CONFIG_DIR, else $XDG_STATE_HOME/sport-viewer, else ~/.local/state/…."""
     env = os.environ if environment is None else environment
     if env.get("SPORT_CONFIG_DIR"):
         return Path(env["SPORT_CONFIG_DIR"])

@@ -45,10 +45,9 @@ def atomic_path(target: str | Path) -> Iterator[Path]:
 
 
 def sweep(folder: Path, older_s: float = 600.0) -> list[Path]:
-    """Remove the temporary files and folders that a killed program left in a folder.
+    """Remove the temporary files and folders that a killed program left in a folder, and return them.
 
-    Those that are still written to belong to a process that runs, or are younger: clocks jump, and another machine may
-    write here.
+    Files are kept if their process still runs or if they are younger than `older_s`, since another machine may be writing here.
     """
     removed = []
     with contextlib.suppress(OSError):
@@ -63,7 +62,7 @@ def sweep(folder: Path, older_s: float = 600.0) -> list[Path]:
 
 
 def sweep_of(process: int, folder: Path) -> None:
-    """Remove the temporary files of a process that was killed."""
+    """Remove the temporary files that a killed process left in a folder."""
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
             name = _OURS.fullmatch(path.name)
@@ -81,10 +80,9 @@ def _discard(path: Path) -> None:
 
 @contextlib.contextmanager
 def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
-    """Make a folder for the length of the block, in the system's place for them or beside the file that it is for.
+    """Make a temporary folder for the duration of the block, in the system's temporary folder or next to the file `beside`.
 
-    It is removed with what is in it when the block ends, or when a signal ends the process before. FileError names the
-    file, or the system's folder where that has no room.
+    The folder is removed when the block ends or a signal ends the process. Raises FileError if it cannot be made.
     """
     parent = Path(tempfile.gettempdir()) if beside is None else beside.parent
     folder = parent / _temporary_name("" if beside is None else beside.stem)
@@ -125,9 +123,9 @@ def _runs(process: int) -> bool:
 
 
 def write_new(target: str | Path, content: str | bytes) -> Path:
-    """Write a whole file under `target`'s name, or the first of name-2, name-3, … that is free; return its path.
+    """Write a file as `target`, or as the first free name of name-2, name-3, …; return its path.
 
-    The name is taken and filled in one step, so that programs that write at the same moment all keep their files.
+    The name is reserved and filled in one step, so that programs writing at the same moment all keep their files.
     """
     target = Path(target)
     temporary = _temporary(target, target)
@@ -164,7 +162,7 @@ def _take_name(temporary: Path, target: Path) -> Path:
 
 
 def check_target(target: str | Path) -> None:
-    """Raise FileError when `target` cannot be written: for use before the work whose result it holds."""
+    """Raise FileError if `target` cannot be written; call it before the work whose result goes there."""
     _remove(_temporary_beside(Path(target))[1])
 
 
@@ -235,14 +233,14 @@ def _bytes(content: str | bytes) -> bytes:
 
 
 def write_atomic(target: str | Path, content: str | bytes) -> None:
-    """Write a whole text (UTF-8) or binary file; see `atomic_path`."""
+    """Write a text (UTF-8) or binary file completely or not at all; see `atomic_path`."""
     data = _bytes(content)
     with atomic_path(target) as temporary:
         temporary.write_bytes(data)
 
 
 def write_together(contents: Mapping[Path, str | bytes]) -> None:
-    """Write several files, none before there is room for all; see `atomic_path`."""
+    """Write several files, and replace none of them until all are written; see `atomic_path`."""
     with contextlib.ExitStack() as stack:
         for target, content in contents.items():
             temporary = stack.enter_context(atomic_path(target))

@@ -22,7 +22,7 @@ class Gait(IntEnum):
 
     @property
     def label(self) -> str:
-        """Its name as files and commands write it: "walk"."""
+        """The gait's lower-case name, as used in files and commands: "walk"."""
         return self.name.lower()
 
 
@@ -32,12 +32,11 @@ STAND_SPEED = 0.12  # m/s; slower requests mean standing
 
 @dataclass(frozen=True)
 class Controls:
-    """World-space requests, UsageError where one is no number or no gait: the viewer has already turned stick axes by the camera's heading.
+    """Requested movement of one character in world space; the viewer has already rotated stick axes by the camera's heading.
 
-    `move` is the requested direction in the XZ plane with a length of 0 (stand) to 1 (full stick, the style's own speed),
-    and up to 2 for a program that asks for more;
-    `facing` a unit XZ direction to look at while strafing, or None to face where the character goes.
-    `gait` is the gait to move in: WALK, JOG, CROUCH or JUMP; standing follows from `move` alone.
+    `move` is the direction in the XZ plane, its length 0 (stand) to 1 (full stick, the style's own speed), up to 2 for
+    programs that ask for more. `facing` is a unit XZ direction to look at while strafing, or None to face forward. `gait`
+    is WALK, JOG, CROUCH or JUMP; standing follows from `move` alone. Raises UsageError for an invalid number or gait.
     """
 
     move: tuple[float, float] = (0.0, 0.0)

@@ -10,13 +10,13 @@ from runtime.arrays import Array
 
 
 def smoothstep(t: Array) -> Array:
-    """0 below 0, 1 above 1, smooth between."""
+    """Ease from 0 at t = 0 to 1 at t = 1 with zero slope at both ends (cubic); constant outside."""
     t = np.minimum(np.maximum(t, 0.0), 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
 def smootherstep(t: Array) -> Array:
-    """The same with no acceleration at both ends either (Perlin 2002)."""
+    """Ease from 0 to 1 like `smoothstep`, with zero second derivative at both ends too (Perlin 2002)."""
     t = np.minimum(np.maximum(t, 0.0), 1.0)
     return np.asarray(t * t * t * (t * (6.0 * t - 15.0) + 10.0))
 
@@ -24,7 +24,7 @@ def smootherstep(t: Array) -> Array:
 def spring(
     value: Array, velocity: Array, goal: Array, half_life: float | Array, dt: float | Array
 ) -> tuple[Array, Array]:
-    """Value and velocity of a spring after `dt` seconds (any shape)."""
+    """Return value and velocity of a critically damped spring after `dt` seconds, any shape."""
     y = 2.0 * math.log(2.0) / np.maximum(half_life, 1e-6)
     offset = value - goal
     slope = velocity + offset * y

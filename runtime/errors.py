@@ -29,11 +29,11 @@ def _shown(text: str) -> str:
 
 
 class FileError(SportError):
-    """A file is missing, damaged, too large or of the wrong format."""
+    """A file is missing, damaged, too large or in the wrong format."""
 
 
 class ModelError(SportError):
-    """A network or its metadata is missing, damaged or of another version."""
+    """A network or its metadata is missing, damaged or of an unsupported version."""
 
 
 class TerrainError(SportError):
@@ -45,7 +45,7 @@ class PromptError(SportError):
 
 
 class DisplayError(SportError):
-    """No window or OpenGL context can be made."""
+    """No window or OpenGL context can be created."""
 
 
 class UsageError(SportError):
@@ -61,7 +61,7 @@ class UsageError(SportError):
 
 
 def run_command(name: str, command: Callable[[], int | None]) -> int:
-    """Exit code of a command line: a SportError is one sentence on stderr and 2, Ctrl+C is 130."""
+    """Run a command and return its exit code: 2 for a SportError, printed in one sentence on stderr; 130 for Ctrl+C."""
     try:
         return command() or 0
     except SportError as error:

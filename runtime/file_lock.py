@@ -10,10 +10,10 @@ _FAR = 0x7FFF0000  # Windows locks bytes, and locked ones cannot be read: one th
 
 
 def open_locked(path: Path, create: bool = False, wait: bool = False) -> int | None:
-    """A descriptor of `path`, open for reading and writing and locked; None when another process holds it.
+    """Open `path` for reading and writing with an exclusive lock; return its descriptor, or None if another process holds the lock.
 
-    `create` makes a file that is not there yet, `wait` waits for the other process. OSError when it cannot be opened.
-    Close the descriptor to let go.
+    `create` makes a missing file, `wait` waits for the other process. Raises OSError if it cannot be opened. Closing
+    the descriptor releases the lock.
     """
     flags = (
         os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)

@@ -50,7 +50,7 @@ MAX_SCRIPT_CHARACTERS = 200_000
 
 
 def load_parts(path: Path) -> PartDescriptions:
-    """Six descriptions from a JSON file with one string for each body part; FileError or PromptError names what is wrong."""
+    """Read six descriptions from a JSON file with one string per body part; FileError or PromptError says what is wrong."""
     form = f"Write a JSON object with {', '.join(PART_NAMES)}."
     try:
         text = read_bounded(path, MAX_PARTS_BYTES, form, missing="Choose a file that can be read.").decode(
@@ -65,7 +65,7 @@ def load_parts(path: Path) -> PartDescriptions:
 
 
 def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
-    """Prompts with their times: "0:walk calmly; 4:a zombie" are two; PromptError shows the form."""
+    """Parse prompts with start times, e.g. "0:walk calmly; 4:a zombie"; PromptError shows the expected form."""
     if len(script) > MAX_SCRIPT_CHARACTERS:
         raise PromptError(
             f"Prompts with times: {len(script)} characters; expected at most {MAX_SCRIPT_CHARACTERS}.",
@@ -99,7 +99,7 @@ def _silent(_: str) -> None:
 
 @dataclass(frozen=True)
 class ClipOptions:
-    """What else `generate_clip` takes, by name."""
+    """Further options of `generate_clip`, passed by name."""
 
     controls: str | StickScript | None = None  # the stick, as text too, in place of path, gait and speed
     speed: float = 1.0  # fraction of the full stick
@@ -127,11 +127,11 @@ def generate_clip(
     seed: int = 0,
     **options: Any,
 ) -> Clip:
-    """Generate a clip of `seconds` (10, or the length of `controls`) at 60 frames a second; equal arguments give equal bytes.
+    """Generate a clip of `seconds` (default 10, or the length of `controls`) at 60 fps; equal arguments give equal bytes.
 
-    It begins at rest at the origin, in its first style and in the gait. `prompt` is one prompt, six descriptions, a blend
-    of two, or several prompts with times (also those of a take), `terrain` a name, file or terrain, `path` and `gait` are
-    those of `runtime.motion.control_scripts`, `options` the fields of `ClipOptions`. SportError names what cannot be used.
+    It starts at rest at the origin, in its first style and in the gait. `prompt` is one prompt, six descriptions, a
+    blend of two, or several prompts with times; `terrain` a name, file or terrain; `path` and `gait` are those of
+    `runtime.motion.control_scripts`; `options` the fields of `ClipOptions`. Raises SportError.
     """
     o = ClipOptions(**options)
     script, first_gait, seconds = _script(o, path, gait, seconds, seed)
@@ -170,7 +170,7 @@ def _script(
 
 
 def check_seconds(seconds: float) -> None:
-    """Raise UsageError unless a clip may last so long."""
+    """Raise UsageError unless `seconds` is a valid clip length."""
     frame = 1.0 / FPS
     if not frame <= seconds <= MAX_SECONDS:
         expected = f"{frame:.3f} (one frame) to {MAX_SECONDS:.0f}"
@@ -280,9 +280,9 @@ def simulate(
     frames: int,
     transition_seconds: float = 1.0,
 ) -> list[Pose]:
-    """Step `frames` times under a script; `styles` are (seconds, Z^t), the ones at 0 set without a transition.
+    """Simulate `frames` frames under a script; `styles` are (seconds, Z^t), those at 0 set without a transition.
 
-    SportError when the network fails: a clip with a hole in it must not be written.
+    Raises SportError if the network fails, since a clip with a gap must not be written.
     """
     poses: list[Pose] = []
     waiting = list(styles)
@@ -304,5 +304,5 @@ def simulate(
 
 
 def clip_of(poses: Sequence[Pose], name: str, prompts: Sequence[PromptEvent], terrain: str) -> Clip:
-    """The clip of simulated poses."""
+    """Return a clip of simulated poses."""
     return Clip(name, float(FPS), *stacked(poses), prompts=tuple(prompts), terrain=terrain)

@@ -36,7 +36,7 @@ class _Unfinished:
         self.remark = "what was unfinished is removed"  # of the sentence
 
     def undo(self) -> None:
-        """Call all actions, the last one first; one that fails is told, and does not keep the others from being called."""
+        """Call all registered actions, the last one first; a failing action is reported and does not stop the others."""
         for action in reversed([*self.actions.values()]):
             try:
                 action()
@@ -48,25 +48,25 @@ _UNFINISHED = _Unfinished()
 
 
 def undo_when_ended(key: object, action: Callable[[], object]) -> None:
-    """Call `action` when a signal or a failure ends this process before `forget(key)`."""
+    """Call `action` if a signal or a failure ends this process before `forget(key)`."""
     while _UNFINISHED.ending and threading.current_thread() is not threading.main_thread():
         time.sleep(1.0)  # the process is about to end: nothing new may begin
     _UNFINISHED.actions[key] = action
 
 
 def forget(key: object) -> None:
-    """Take back `undo_when_ended`."""
+    """Cancel the `undo_when_ended` registered under `key`."""
     _UNFINISHED.actions.pop(key, None)
 
 
 def remark_when_ended(remark: str) -> None:
-    """What the sentence about a signal says of this command, after "stopped by Ctrl+C;"."""
+    """Set the remark that is printed when a signal ends this command, after "stopped by Ctrl+C;"."""
     _UNFINISHED.remark = remark
 
 
 @contextlib.contextmanager
 def removed_when_ended(*paths: Path) -> Iterator[None]:
-    """Remove files when this process is ended within the block."""
+    """Remove the files if this process is ended within the block."""
     for path in paths:
         remove_when_ended(path)
     try:
@@ -77,7 +77,7 @@ def removed_when_ended(*paths: Path) -> Iterator[None]:
 
 
 def remove_when_ended(path: Path) -> None:
-    """Remove `path`, a file or an empty folder, when this process is ended before `forget(path)`."""
+    """Remove `path`, a file or an empty folder, if this process is ended before `forget(path)`."""
 
     def remove() -> None:
         with contextlib.suppress(OSError):  # it is not there any more, or no longer empty
@@ -87,15 +87,14 @@ def remove_when_ended(path: Path) -> None:
 
 
 def exit_code(number: int) -> int:
-    """The exit code of a process that ends because of a signal: 130 for SIGINT, 143 for SIGTERM."""
+    """Return the exit code of a process ended by a signal: 130 for SIGINT, 143 for SIGTERM."""
     return 128 + number
 
 
 def take_signals(name: str) -> None:
-    """From now on a signal of `SIGNALS` ends this process, with the code of `exit_code`; main thread only.
+    """Install handlers so that the signals of `SIGNALS` end this process with `exit_code`; main thread only.
 
-    A signal that is ignored stays ignored, as `nohup` wants. `name` is that of the command in the sentence on
-    stderr.
+    Ignored signals stay ignored, as `nohup` needs. `name` is the command's name in the message on stderr.
     """
     owner = os.getpid()
 
@@ -110,9 +109,9 @@ def take_signals(name: str) -> None:
 
 
 def end_now(number: int, name: str) -> None:
-    """Undo what is unfinished, say so in a sentence, and end the process without taking the interpreter down.
+    """Undo unfinished work, print a message, and end the process without shutting down the interpreter.
 
-    It returns where that is under way already: a second signal does not cut short what the first one began.
+    Returns at once if this is already under way, so that a second signal does not interrupt it.
     """
     if _UNFINISHED.ending:
         return
@@ -130,7 +129,7 @@ def end_now(number: int, name: str) -> None:
 
 
 def say(number: int, name: str, remark: str = "") -> None:
-    """Write the sentence about a signal to stderr, on a line of its own."""
+    """Print the message about a signal to stderr, on a line of its own."""
     begin = "\n" if os.isatty(2) else ""  # after the terminal's ^C or a line of progress
     what = "Ctrl+C" if number == signal.SIGINT else signal.Signals(number).name
     _write(f"{begin}{name}: stopped by {what}{remark and '; '}{remark}.")
@@ -148,7 +147,7 @@ def _end_late(code: int) -> None:
 
 
 def end_children() -> None:
-    """Kill the processes that `multiprocessing` has started here."""
+    """Kill the child processes started by `multiprocessing`."""
     # a module that is being imported has nothing yet
     active_children = getattr(sys.modules.get("multiprocessing"), "active_children", tuple)
     for process in active_children():
@@ -157,9 +156,9 @@ def end_children() -> None:
 
 @contextlib.contextmanager
 def signals_kept_from_children() -> Iterator[None]:
-    """Processes of `multiprocessing` that this thread starts within the block get no signal: this process ends them.
+    """Block signals in `multiprocessing` processes started by this thread within the block; this process ends them.
 
-    A terminal sends Ctrl+C to all of them, and they would say so in the midst of their imports.
+    A terminal sends Ctrl+C to all of them, and they would print tracebacks while importing.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -177,10 +176,9 @@ def signals_kept_from_children() -> Iterator[None]:
 def run_child(
     command: Sequence[str], timeout: float | None = None, env: Mapping[str, str] | None = None
 ) -> CompletedProcess[str]:
-    """Run a program to its end and return its code and output.
+    """Run a program to its end and return its exit code and output.
 
-    It is killed after `timeout` seconds or with this process, and what it has started with it.
-    subprocess.TimeoutExpired, OSError.
+    It and its children are killed after `timeout` seconds, or with this process. Raises subprocess.TimeoutExpired, OSError.
     """
     from subprocess import PIPE, CompletedProcess, Popen
 
@@ -203,7 +201,7 @@ def run_child(
 
 
 def run_process(name: str, command: Callable[[], int | None]) -> NoReturn:
-    """Run a command that is this whole process, and end with its exit code; see `take_signals` and `run_command`."""
+    """Run a command as the whole process and exit with its code; see `take_signals` and `run_command`."""
     take_signals(name)
     from runtime.errors import run_command
 
@@ -211,9 +209,9 @@ def run_process(name: str, command: Callable[[], int | None]) -> NoReturn:
 
 
 def leave(code: int) -> NoReturn:
-    """End the process with an exit code, after a failure without what is unfinished.
+    """End the process with an exit code; after a failure, undo unfinished work first.
 
-    The interpreter is not taken down: that takes seconds, and aborts where a library still runs threads.
+    The interpreter is not shut down: that takes seconds, and aborts if a library still runs threads.
     """
     if code:
         _UNFINISHED.undo()

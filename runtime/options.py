@@ -15,7 +15,7 @@ MAX_TEXT = 4096  # characters of a text
 
 @dataclass(frozen=True)
 class Spec:
-    """What a value may be, and how it is chosen: by a widget of a panel, or by a `flag` of the command line."""
+    """Allowed values of an option and how it is chosen: by a widget of a panel, or a `flag` of the command line."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -31,13 +31,13 @@ class Spec:
     formats: frozenset[str] = frozenset()  # endings of the files that have it
 
     def allows(self, value: Any) -> bool:
-        """Whether a text or a number may be used."""
+        """Return whether a text or number is allowed."""
         if self.choices is not None:
             return value in self.choices
         return isinstance(value, str) or (abs(value) < MAX_NUMBER and self.low <= value <= self.high)
 
     def read(self, value: Any, default: Any) -> Any:
-        """An untrusted value of JSON as the type of `default`, where it may be used; else the default."""
+        """Return an untrusted JSON value as the type of `default` if it is allowed, else the default."""
         if self.choices is not None:
             known = value is None or _is_short_text(value) or _is_number(value)
             return next((choice for choice in self.choices if known and choice == value), default)
@@ -63,11 +63,11 @@ def _is_number(value: Any) -> bool:
 
 
 def specified(default: Any, low: float = -math.inf, high: float = math.inf, **spec: Any) -> Any:
-    """A field of a dataclass with its `Spec`."""
+    """Return a dataclass field with its `Spec`."""
     return field(default=default, metadata={"spec": Spec(low, high, **spec)})
 
 
 def spec_of(owner: Any, name: str) -> Spec:
-    """The `Spec` of a dataclass' field; one without has no limits."""
+    """Return the `Spec` of a dataclass field; a field without one has no limits."""
     spec: Spec = owner.__dataclass_fields__[name].metadata.get("spec", Spec())
     return spec

@@ -15,14 +15,14 @@ VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 /
 
 
 def video_rate(fps: float) -> float:
-    """The rate of video or the whole one that a rounded rate stands for (29.97 is 30000 / 1001, 144.001 is 144), else it to a thousandth."""
+    """Return the exact video rate or integer for a rounded rate (29.97 is 30000 / 1001), else the rate to a thousandth."""
     nearest = min((*VIDEO_RATES, max(round(fps), 1)), key=lambda rate: abs(fps - rate))
     return float(nearest) if abs(fps - nearest) < 2e-4 * nearest else float(round(fps, 3))
 
 
 @dataclass(frozen=True)
 class Pose:
-    """One frame in world space (metres, Y up), after foot lock and leg IK.
+    """A pose in world space (metres, Y up), after foot lock and leg IK.
 
     `positions` and `world_rotations` are forward kinematics of `hips_position` and `local_rotations`.
     """

@@ -26,7 +26,7 @@ REMEDY = "Record the take again."
 
 
 def copied(record: Record) -> Record:
-    """A record of its own, down to the last record in it, with the same arrays: those of a state are never written to."""
+    """Return a copy of a record and of the records in it, sharing their arrays, which are never written to."""
     made: Record = object.__new__(type(record))
     values = made.__dict__ = record.__dict__.copy()
     for name in _inside(typing.cast(Any, type(record))):
@@ -46,7 +46,7 @@ def _changes(kind: Any) -> bool:
 
 
 def joined(records: typing.Sequence[Record]) -> Record:
-    """One record of N characters from N records of one each: arrays along their first axis, tuples one after the other."""
+    """Join N records of one character each into one: arrays along their first axis, tuples concatenated."""
     first = records[0]
     if len(records) == 1:
         return first
@@ -63,7 +63,7 @@ def joined(records: typing.Sequence[Record]) -> Record:
 
 
 def part(record: Record, index: int) -> Record:
-    """The record of one of the characters, which shares its values with that of all."""
+    """Return the record of one character, sharing its values with the joined record."""
     made: Record = object.__new__(type(record))
     for name, value in vars(record).items():
         kept = value[index : index + 1] if isinstance(value, np.ndarray | tuple) else part(value, index)
@@ -72,7 +72,7 @@ def part(record: Record, index: int) -> Record:
 
 
 def write_record(record: Any, arrays: list[np.ndarray]) -> Tree:
-    """JSON of a record, whose arrays are appended to `arrays` and named by their places there."""
+    """Return the JSON tree of a record; its arrays are appended to `arrays` and referenced by index."""
     return {f.name: _written(getattr(record, f.name), arrays) for f in fields(record)}
 
 
@@ -92,7 +92,7 @@ def _schema(kind: Any) -> tuple[tuple[str, Any, Any], ...]:
 
 
 def read_record(kind: type[Record], tree: Tree, arrays: typing.Sequence[np.ndarray], path: str) -> Record:
-    """The record that `write_record` made; FileError names the field that is no such value."""
+    """Read a record written by `write_record`; FileError names an invalid field."""
     schema = _schema(typing.cast(Any, kind))
     if not isinstance(tree, dict) or not set(tree) <= {name for name, _, _ in schema}:
         raise _error(path, f"not the fields of a {kind.__name__}")

@@ -18,20 +18,20 @@ _EPSILON = 1e-8
 
 
 def normalize(v: Array) -> Array:
-    """Scale vectors `(..., n)` to unit length; a zero vector stays zero."""
+    """Return vectors `(..., n)` scaled to unit length; a zero vector stays zero."""
     v = np.asarray(v)
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), _EPSILON)
 
 
 def identity(shape: tuple[int, ...] = ()) -> Array:
-    """Identity quaternions `(*shape, 4)`."""
+    """Return identity quaternions `(*shape, 4)`."""
     q = np.zeros((*shape, 4), np.float32)
     q[..., 0] = 1.0
     return q
 
 
 def multiply(a: Array, b: Array) -> Array:
-    """Hamilton product `a b` of quaternions `(..., 4)`: rotate by b, then by a."""
+    """Return the Hamilton product `a b` of quaternions `(..., 4)`: rotate by b, then by a."""
     a, b = np.asarray(a), np.asarray(b)
     aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
@@ -51,12 +51,12 @@ _LEFT_SIGNS: dict[str, Array] = {"f": _SIGNS, "d": _SIGNS.astype(np.float64)}
 
 
 def left_matrix(q: Array) -> Array:
-    """Matrices `(..., 4, 4)` of the product with quaternions `(..., 4)` on the left: `left_matrix(a) @ b` is `multiply(a, b)`."""
+    """Return matrices `(..., 4, 4)` that multiply by quaternions `(..., 4)` from the left: `left_matrix(a) @ b` is `multiply(a, b)`."""
     return q.take(_LEFT, -1) * _LEFT_SIGNS[q.dtype.char]
 
 
 def inverse(q: Array) -> Array:
-    """Inverse (conjugate) of unit quaternions `(..., 4)`."""
+    """Return the inverse (conjugate) of unit quaternions `(..., 4)`."""
     return np.asarray(q) * np.array([1, -1, -1, -1], np.asarray(q).dtype)
 
 
@@ -77,7 +77,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def from_axis_angle(axis: Array, angle: Array) -> Array:
-    """Quaternions `(..., 4)` from unit axes `(..., 3)` and angles `(...)`."""
+    """Return quaternions `(..., 4)` for unit axes `(..., 3)` and angles `(...)` in radians."""
     half = 0.5 * np.asarray(angle)[..., None]
     axis = np.asarray(axis)
     sine = np.sin(half) * axis
@@ -85,14 +85,14 @@ def from_axis_angle(axis: Array, angle: Array) -> Array:
 
 
 def from_rotation_vector(v: Array) -> Array:
-    """Quaternions `(..., 4)` of rotation vectors `(..., 3)`: axis times angle in radians."""
+    """Return quaternions `(..., 4)` for rotation vectors `(..., 3)`: axis times angle in radians."""
     angle = np.linalg.norm(v, axis=-1)
     half = np.sinc(angle / (2.0 * np.pi)) / 2.0  # sin(angle / 2) / angle, also at zero
     return np.concatenate([np.cos(angle / 2.0)[..., None], v * half[..., None]], axis=-1)
 
 
 def to_rotation_vector(q: Array) -> Array:
-    """Rotation vectors `(..., 3)`, of at most pi radians, of unit quaternions `(..., 4)`."""
+    """Return rotation vectors `(..., 3)`, of at most pi radians, for unit quaternions `(..., 4)`."""
     q = np.where(q[..., :1] < 0, -q, q)
     length = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(length, q[..., :1])
@@ -100,7 +100,7 @@ def to_rotation_vector(q: Array) -> Array:
 
 
 def from_euler(angles: Array, order: str) -> Array:
-    """Quaternions from intrinsic Euler angles `(..., n)` in the BVH sense: `order` "ZYX" is R = Rz Ry Rx."""
+    """Return quaternions for intrinsic Euler angles `(..., n)` (radians) in the BVH sense: `order` "ZYX" is R = Rz Ry Rx."""
     angles = np.asarray(angles)
     result: Array | None = None
     for i, axis in enumerate(order.upper()):
@@ -112,7 +112,7 @@ def from_euler(angles: Array, order: str) -> Array:
 
 
 def to_euler(q: Array, order: str = "ZYX") -> Array:
-    """Euler angles `(..., 3)` such that `from_euler(to_euler(q, order), order)` equals q; any Tait-Bryan order."""
+    """Return Euler angles `(..., 3)` (radians) of quaternions, the inverse of `from_euler`; any Tait-Bryan order."""
     i, j, k = ("XYZ".index(c) for c in order.upper())
     parity = 1.0 if (j - i) % 3 == 1 else -1.0
     m = to_matrix(q)
@@ -126,7 +126,7 @@ def to_euler(q: Array, order: str = "ZYX") -> Array:
 
 
 def to_matrix(q: Array) -> Array:
-    """Rotation matrices `(..., 3, 3)` of unit quaternions `(..., 4)`."""
+    """Return rotation matrices `(..., 3, 3)` for unit quaternions `(..., 4)`."""
     q = np.asarray(q)
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     rows = [
@@ -158,7 +158,7 @@ for _entry, _places in enumerate(
 
 
 def from_matrix(m: Array) -> Array:
-    """Unit quaternions `(..., 4)` with w >= 0 of rotation matrices `(..., 3, 3)`."""
+    """Return unit quaternions `(..., 4)` with w >= 0 for rotation matrices `(..., 3, 3)`."""
     m = np.asarray(m)
     outer = (m.reshape(*m.shape[:-2], 9) @ _OUTER + _OUTER_CONSTANT).reshape(*m.shape[:-2], 4, 4)
     # the largest row is the best conditioned estimate of q
@@ -169,7 +169,7 @@ def from_matrix(m: Array) -> Array:
 
 
 def matrix_from_6d(d: Array) -> Array:
-    """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt; any two independent vectors are accepted."""
+    """Return rotation matrices `(..., 3, 3)` for 6D rotations `(..., 6)`, by Gram-Schmidt on two independent vectors."""
     d = np.asarray(d)
     x, y = d[..., :3], d[..., 3:]
     x = x / np.maximum(np.sqrt(np.add.reduce(x * x, -1, keepdims=True)), _EPSILON)
@@ -182,18 +182,18 @@ def matrix_from_6d(d: Array) -> Array:
 
 
 def to_6d(q: Array) -> Array:
-    """First two columns of the rotation matrix, `(..., 6)` as (column 0, column 1)."""
+    """Return 6D rotations `(..., 6)` of quaternions `(..., 4)`: columns 0 and 1 of the rotation matrix."""
     m = to_matrix(q)
     return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)
 
 
 def from_6d(d: Array) -> Array:
-    """Quaternions `(..., 4)` of 6D rotations `(..., 6)`: see `matrix_from_6d`."""
+    """Return quaternions `(..., 4)` for 6D rotations `(..., 6)`; see `matrix_from_6d`."""
     return from_matrix(matrix_from_6d(d))
 
 
 def between(a: Array, b: Array) -> Array:
-    """Shortest rotations `(..., 4)` that turn unit vectors a `(..., 3)` into unit vectors b."""
+    """Return the shortest rotations `(..., 4)` from unit vectors a `(..., 3)` to unit vectors b."""
     a, b = np.broadcast_arrays(np.asarray(a), np.asarray(b))
     w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
     axis = np.cross(a, b)
@@ -204,7 +204,7 @@ def between(a: Array, b: Array) -> Array:
 
 
 def slerp(a: Array, b: Array, t: Array | float) -> Array:
-    """Spherical interpolation from a to b `(..., 4)` by t in 0..1 along the shorter arc."""
+    """Interpolate spherically from a to b `(..., 4)` by t in 0..1 along the shorter arc."""
     a, b = np.broadcast_arrays(np.asarray(a), np.asarray(b))
     t = np.asarray(t)[..., None]
     dot = np.sum(a * b, axis=-1, keepdims=True)
@@ -219,26 +219,26 @@ def slerp(a: Array, b: Array, t: Array | float) -> Array:
 
 
 def angle_between(a: Array, b: Array) -> Array:
-    """Rotation angle in radians `(...)` between quaternions a and b `(..., 4)`."""
+    """Return the rotation angle (radians) `(...)` between quaternions a and b `(..., 4)`."""
     difference = multiply(inverse(a), b)
     return 2.0 * np.arctan2(np.linalg.norm(difference[..., 1:], axis=-1), np.abs(difference[..., 0]))
 
 
 def from_yaw(yaw: Array | float) -> Array:
-    """Quaternions `(..., 4)` of a turn by `yaw` about +Y; yaw 0 faces +Z, a positive yaw turns towards +X."""
+    """Return quaternions `(..., 4)` that rotate by `yaw` (radians) about +Y; yaw 0 faces +Z, positive yaw turns towards +X."""
     half = 0.5 * np.asarray(yaw)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)
 
 
 def yaw_of(q: Array) -> Array:
-    """The yaw `(...)` that a rotation `(..., 4)` faces; see `from_yaw`."""
+    """Return the yaw `(...)` (radians) of the facing direction of a rotation `(..., 4)`; see `from_yaw`."""
     facing = rotate(q, np.array([0.0, 0.0, 1.0]))
     return np.arctan2(facing[..., 0], facing[..., 2])
 
 
 def continuous(q: Array) -> Array:
-    """Flip signs along axis 0 of quaternions `(T, ..., 4)` so that neighbours lie in one hemisphere."""
+    """Return quaternions `(T, ..., 4)` with signs chosen so that consecutive ones lie in one hemisphere."""
     q = np.asarray(q).copy()
     sign = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
     q[1:] *= np.cumprod(sign, axis=0)[..., None]
@@ -246,9 +246,9 @@ def continuous(q: Array) -> Array:
 
 
 def continuous_euler(angles: Array) -> Array:
-    """Euler angles `(T, ..., 3)` of the same rotations without jumps: of (a, b, c) and (a + pi, pi - b, c + pi) the nearer.
+    """Return Euler angles `(T, ..., 3)` of the same rotations without jumps: the nearer of (a, b, c) and (a + pi, pi - b, c + pi).
 
-    A reader that interpolates angles then turns as the joint does.
+    Programs that interpolate the angles then rotate as the joint does.
     """
     other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
 

@@ -32,9 +32,9 @@ def read_bounded(
     missing: str = "Check the path.",
     error: type[SportError] = FileError,
 ) -> bytes:
-    """Return the bytes of a regular file; raise `error` where it is missing, larger than `limit`, or no such file.
+    """Return the bytes of a regular file; raise `error` if it is missing, larger than `limit`, or not a regular file.
 
-    Pipes, sockets and devices are refused without waiting for them, and a file that grows is read up to the limit.
+    Pipes, sockets and devices are refused without blocking, and a growing file is read up to the limit.
     """
     with open_regular(path, missing=missing, error=error) as file:
         try:
@@ -52,7 +52,7 @@ def read_bounded(
 def open_regular(
     path: str | Path, *, missing: str = "Check the path.", error: type[SportError] = FileError
 ) -> Iterator[BinaryIO]:
-    """Yield a regular file, open for reading; raise `error` where it is missing, a device or a pipe, which are not opened."""
+    """Open a regular file for reading; raise `error` if it is missing, a device or a pipe."""
     try:
         status = os.stat(path)
         # without O_NONBLOCK a pipe that takes its place would hold up the program for ever
@@ -73,7 +73,7 @@ def open_regular(
 
 
 def check_source(path: str | Path) -> None:
-    """Raise FileError where there is no file to read: for use before the work that reads it."""
+    """Raise FileError if a file cannot be found; call it before the work that reads the file."""
     try:
         os.stat(path)
     except (OSError, ValueError) as problem:
@@ -86,7 +86,7 @@ def _size(limit: int) -> str:
 
 
 def decode_text(data: bytes) -> str:
-    """Return the text of bytes in UTF-8 or UTF-16, with or without a byte order mark, else in Latin-1, which can read every byte."""
+    """Decode bytes as UTF-8 or UTF-16, with or without a byte order mark, else as Latin-1, which never fails."""
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         return data.decode(encoding)
@@ -95,9 +95,9 @@ def decode_text(data: bytes) -> str:
 
 
 def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS, kind: type[dict[str, Any]] = dict) -> Any:
-    """Return the value of a JSON text in UTF-8, its objects as `kind`.
+    """Parse JSON in UTF-8, creating objects as `kind`.
 
-    ValueError for all that is not JSON, too deep or of more than `max_items` items.
+    Raises ValueError for anything that is not JSON, too deep, or has more than `max_items` items.
     """
     text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
     if sum(text.count(sign) for sign in "[{,") > max_items:
@@ -120,10 +120,9 @@ def _integer(digits: str) -> int | float:
 def open_npz(
     path: str | Path, remedy: str = "Choose another file.", error: type[SportError] = FileError
 ) -> Iterator[NpzFile]:
-    """Yield the arrays of an NPZ by name, each read when it is first used.
+    """Open an NPZ whose arrays are read when first used.
 
-    An `error` where the headers say objects, or more bytes than such a file may unpack to, and where the block finds an
-    array missing, damaged or of another kind.
+    Raises `error` if it holds objects or is too large, or if the block finds an array missing, damaged or of another type.
     """
     import zipfile
     import zlib
@@ -171,12 +170,12 @@ def _check_headers(path: str | Path) -> None:
 
 
 def printable(text: object) -> str:
-    """Return text that can be shown and written as UTF-8: lone surrogates, as in a file name that is no UTF-8, become U+FFFD."""
+    """Return text that can be written as UTF-8: lone surrogates, as in undecodable file names, become U+FFFD."""
     return re.sub(r"[\ud800-\udfff]", "\ufffd", str(text))
 
 
 def is_text(value: Any) -> TypeGuard[str]:
-    """Return whether a value of JSON is text that can be shown and written: lone surrogates cannot."""
+    """Return whether a JSON value is text without lone surrogates, so that it can be shown and written."""
     if not isinstance(value, str):
         return False
     try:
@@ -187,7 +186,7 @@ def is_text(value: Any) -> TypeGuard[str]:
 
 
 def reason(error: BaseException) -> str:
-    """Return a library's words on a file, short and on one line, for the brackets of a message."""
+    """Return a library's error message, shortened to one line, for use in brackets."""
     said = " ".join(str(error).split())
     return (said if said and isinstance(error, OSError | ValueError) else f"{type(error).__name__}: {said}")[
         :160

@@ -14,16 +14,18 @@ from runtime.pose import FPS
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 DECAY_RATE_PER_S = 1.3862943611  # 2 ln 2, of a critically damped spring with a half-life of one second
+MIN_SIZE = 1e-6  # m or m/s: a shorter vector has no direction
+MIN_DIVISOR = 1e-9  # keeps a quotient finite; far below whatever is measured
 
 
 def smoothstep(value: float) -> float:
-    """0 below 0, 1 above 1, smooth between."""
+    """Ease from 0 at 0 to 1 at 1 with zero slope at both ends (cubic); constant outside."""
     u = min(1.0, max(0.0, value))
     return u * u * (3.0 - 2.0 * u)
 
 
 def damp(value: float, velocity: float, goal: float, half_life: float, dt: float) -> tuple[float, float]:
-    """`spring` of one number, ten times as fast as by arrays."""
+    """Return value and velocity of a critically damped spring after `dt` seconds; scalar version of `runtime.easing.spring`."""
     rate = DECAY_RATE_PER_S / max(half_life, 1e-5)
     offset = value - goal
     slope = velocity + offset * rate
@@ -34,7 +36,7 @@ def damp(value: float, velocity: float, goal: float, half_life: float, dt: float
 def damp_vector(
     value: Vector, velocity: Vector, goal: Vector, half_life: float, dt: float
 ) -> tuple[Vector, Vector]:
-    """`damp` of three numbers with one half-life."""
+    """Return value and velocity of a critically damped spring in three dimensions; see `damp`."""
     rate = DECAY_RATE_PER_S / max(half_life, 1e-5)
     fade = math.exp(-rate * dt)
     x, y, z = value[0] - goal[0], value[1] - goal[1], value[2] - goal[2]
@@ -46,54 +48,54 @@ def damp_vector(
 
 
 def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
-    """Fraction of a difference that is left after `dt` seconds."""
+    """Return the fraction of a difference that is left after `dt` seconds, for a half-life in seconds."""
     return float(0.5 ** (dt / half_life))
 
 
 def add(a: Vector, b: Vector) -> Vector:
-    """a + b."""
+    """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def subtract(a: Vector, b: Vector) -> Vector:
-    """a - b."""
+    """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def scale(v: Vector, s: float) -> Vector:
-    """v times s."""
+    """Return v times s."""
     return v[0] * s, v[1] * s, v[2] * s
 
 
 def perpendicular(v: Vector, axis: Vector) -> Vector:
-    """v without its part along the unit vector `axis`."""
+    """Return v without its component along the unit vector `axis`."""
     d = dot(v, axis)
     return v[0] - d * axis[0], v[1] - d * axis[1], v[2] - d * axis[2]
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product: perpendicular to both."""
+    """Return the vector product of a and b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def dot(a: Vector, b: Vector) -> float:
-    """Inner product."""
+    """Return the inner product of a and b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def length(v: Vector) -> float:
-    """Euclidean length."""
+    """Return the Euclidean length of v."""
     return hypot(*v)
 
 
 def unit(v: Vector) -> Vector:
-    """v at length one; a zero vector stays zero."""
+    """Return v scaled to length one; a zero vector stays zero."""
     s = 1.0 / max(length(v), 1e-8)
     return v[0] * s, v[1] * s, v[2] * s
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Hamilton product: rotate by b, then by a."""
+    """Return the Hamilton product: rotate by b, then by a."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -105,7 +107,7 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def relative(parent: Quaternion, world: Quaternion) -> Quaternion:
-    """Rotation of `world` seen from `parent`, at unit length."""
+    """Return the rotation `world` relative to `parent`, normalised."""
     w, x, y, z = multiply(inverse(parent), world)
     s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
     return w * s, x * s, y * s, z * s
@@ -124,7 +126,7 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 
 
 def between(a: Vector, b: Vector) -> Quaternion:
-    """Shortest rotation that turns unit vector a into unit vector b."""
+    """Return the shortest rotation from unit vector a to unit vector b."""
     w = 1.0 + dot(a, b)
     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     if w < 1e-6:  # opposite: half a turn about any perpendicular axis
@@ -135,12 +137,12 @@ def between(a: Vector, b: Vector) -> Quaternion:
 
 
 def inverse(q: Quaternion) -> Quaternion:
-    """The opposite rotation."""
+    """Return the inverse rotation."""
     return q[0], -q[1], -q[2], -q[3]
 
 
 def to_vector(q: Quaternion) -> Vector:
-    """Axis times angle (radians, at most pi) of a rotation."""
+    """Return the rotation vector of q: axis times angle (radians, at most pi)."""
     w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
     sine = sqrt(x * x + y * y + z * z)
     factor = 2.0 * atan2(sine, w) / sine if sine > 1e-9 else 2.0
@@ -148,7 +150,7 @@ def to_vector(q: Quaternion) -> Vector:
 
 
 def from_vector(v: Vector) -> Quaternion:
-    """Rotation of axis times angle; inverse of `to_vector`."""
+    """Return the rotation for a rotation vector (axis times angle); inverse of `to_vector`."""
     angle = length(v)
     factor = sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
     return cos(0.5 * angle), v[0] * factor, v[1] * factor, v[2] * factor

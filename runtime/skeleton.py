@@ -17,8 +17,8 @@ from runtime.arrays import Array
 class Skeleton:
     """A joint hierarchy in its rest pose, parents before children.
 
-    `offsets` `(J, 3)` are metres from each joint to its parent, with every local rotation the identity;
-    the root's own offset is ignored by `forward_kinematics`.
+    `offsets` `(J, 3)` are metres from each joint's parent to the joint, in the rest pose, where all local rotations are
+    the identity; the root's own offset is ignored by `forward_kinematics`.
     """
 
     names: tuple[str, ...]
@@ -29,7 +29,7 @@ class Skeleton:
         return len(self.names)
 
     def index(self, name: str) -> int:
-        """Index of the joint called `name`; ValueError when there is none."""
+        """Return the index of the joint `name`; ValueError if there is none."""
         return self.names.index(name)
 
     @cached_property
@@ -43,7 +43,7 @@ class Skeleton:
         return self.forward_kinematics(np.zeros(3, np.float32), rotations.identity((len(self),)))[0]
 
     def forward_kinematics(self, root_position: Array, local: Array) -> tuple[Array, Array]:
-        """World positions `(..., J, 3)` and rotations `(..., J, 4)`.
+        """Return world positions `(..., J, 3)` and rotations `(..., J, 4)` of a pose.
 
         `root_position` `(..., 3)` in metres, `local` `(..., J, 4)` rotations relative to the parent.
         """
@@ -60,7 +60,7 @@ class Skeleton:
         return positions.astype(local.dtype, copy=False), world
 
     def oriented(self, root_position: Array, world: Array) -> tuple[Array, Array]:
-        """Rotation matrices relative to the parent `(..., J, 3, 3)` of those in the world, and world positions `(..., J, 3)`."""
+        """Return local rotation matrices `(..., J, 3, 3)` and world positions `(..., J, 3)` for world rotation matrices."""
         above = world.take(self._parents, -3)
         bones = (above @ self.offsets[:, :, None])[..., 0]
         local = above.swapaxes(-1, -2) @ world
@@ -99,7 +99,7 @@ class Skeleton:
         return order, places, [(slice(a, b), parents[a:b]) for a, b in pairwise(ends)]
 
     def local_rotations(self, world: Array) -> Array:
-        """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""
+        """Return rotations relative to the parent `(..., J, 4)` for world rotations `(..., J, 4)`."""
         local = rotations.multiply(rotations.inverse(world[..., self._parents, :]), world)
         local[..., self._roots, :] = world[..., self._roots, :]
         return local

@@ -45,10 +45,10 @@ LATE_S = 0.25  # after that end, a process that was to end because of a signal i
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
-    """Open the viewer and stay until it is closed, or for the frames of the options; return the exit code.
+    """Run the viewer until it is closed, or for the frames of the options; return the exit code.
 
-    `services` replaces the project's own loaders, `config` the directory of the settings. SportError when an option
-    cannot be used or no window can be opened.
+    `services` replaces the project's loaders, `config` the settings folder. Raises SportError for an unusable option,
+    or if no window can be opened.
     """
     app = App(options, services, config=config)
     ending = Ending(app.interrupt, END_S + LATE_S)
@@ -73,7 +73,7 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
 
 
 class App(Workspace):
-    """The workspace in its window: runs frames until the end."""
+    """The workspace in its window, with the main loop."""
 
     def __init__(
         self,
@@ -137,7 +137,7 @@ class App(Workspace):
     # --- one frame
 
     def frame(self) -> None:
-        """Draw one picture; a defect in it closes what it was about."""
+        """Draw one frame; an internal error closes the tool that caused it."""
         with self.defects.guarded("showing a picture", self.close_tools):
             self._frame()
         self.window.end_frame()
@@ -308,7 +308,7 @@ class App(Workspace):
             self.rest()
 
     def rest(self) -> None:
-        """Sleep where vsync does not hold the loop back; until the first character moves its loaders come first."""
+        """Sleep to limit the frame rate without vsync; at startup a low rate leaves time for the loaders."""
         if not self._started:
             self._started = not self.jobs.busy(Slot("model")) and not any(self.prompting.questions)
         most = self.settings.max_fps if self._started else LOADING_FPS
@@ -325,21 +325,21 @@ class App(Workspace):
         return self.interrupted or self.window.close_requested or enough
 
     def until(self) -> float:
-        """Return when the program is to have ended, by `time.monotonic`; the first call begins the end."""
+        """Return the time (`time.monotonic`) by which the program must have ended; the first call starts the countdown."""
         if not self._until:
             self._until = time.monotonic() + END_S
         return self._until
 
     def interrupt(self) -> None:
-        """End the main loop after the frame in hand."""
+        """End the main loop after the current frame."""
         self.interrupted = True
         self.until()
 
     def end(self) -> int:
-        """Keep unsaved takes, remember the settings and write the screenshot after the last frame; return the exit code.
+        """Save takes, session, settings and screenshot after the last frame; return the exit code.
 
-        What the user made comes first: a screenshot that cannot be written must not cost it. An offscreen run that
-        ends as planned keeps no untitled session. The code is 1 when anything was lost or went elsewhere.
+        The user's work comes first, so that a failing screenshot cannot cost it. An offscreen run that ends normally
+        keeps no untitled session. The code is 1 if anything was lost or saved elsewhere.
         """
         until = self.until()
         self.sessions.note_unfinished()

@@ -19,10 +19,10 @@ Follower = Callable[[Session, Session], None]  # gets the session before and the
 
 @dataclass
 class Editor:
-    """The session in force, as the present step of its history or while a drag changes it.
+    """The editor of the open session: every change of it goes through here.
 
-    Rooms read `session`, change it by `do` or `drag`, and follow what undo, redo and opened files make of it by
-    `followers`.
+    Tools read `session` and change it with `do` or `drag`; they register in `followers` to be called after every
+    change, including undo, redo and opening files.
     """
 
     messages: Messages
@@ -43,11 +43,11 @@ class Editor:
 
     @property
     def dragging(self) -> bool:
-        """Whether a drag is under way that is no step yet."""
+        """Whether a drag is in progress."""
         return self._draft is not None
 
     def do(self, label: str, change: Change) -> bool:
-        """Make a change as a step of undo with a label in the user's words; return whether anything changed."""
+        """Apply a change as a step of undo, labelled in the user's words; return whether anything changed."""
         self.finish_drag()
         before = self.session
         after = change(before)
@@ -68,10 +68,10 @@ class Editor:
         done: Callable[[Any], None] = lambda _: None,
         **about: Any,
     ) -> None:
-        """Make a step whose result a job computes: it can be undone from now on, which ends the job.
+        """Add a step whose result a background job computes; undoing it cancels the job.
 
-        `change(result, session)` is made to the step and to every later one, so it must look whether a session still has
-        what the job was begun for. `begin` is made at once. `about` is what else `Jobs.submit` takes.
+        `change(result, session)` is applied to the step and every later one, so it must check that the session still
+        has its object. `begin` is applied at once. `about` are further arguments of `Jobs.submit`.
         """
         self.finish_drag()
         before = self.session
@@ -101,12 +101,12 @@ class Editor:
             self._changed(before)
 
     def end_running(self) -> None:
-        """End every job that makes a step."""
+        """Cancel every job that computes a step."""
         for number in sorted(self._running, reverse=True):
             self._abandon(number)
 
     def drag(self, label: str, change: Change) -> None:
-        """Change the session while the mouse holds something: shown at once, one step with all that follows under this label."""
+        """Change the session during a mouse drag; it is shown at once, and all calls of a drag with one label are one step of undo."""
         if self._draft is not None and label != self._draft_label:
             self.finish_drag()
         before = self.session
@@ -116,16 +116,16 @@ class Editor:
             self._tell(before)
 
     def drop_drag(self) -> None:
-        """Undo what was dragged so far."""
+        """Revert the drag in progress."""
         before, self._draft = self.session, None
         self._tell(before)
 
     def put(self, label: str, number: int, held: bool = False, **values: Any) -> None:
-        """Set fields of a take, or of the live character; `held`: while the mouse holds them."""
+        """Set fields of a take or the live character; `held` during a drag."""
         (self.drag if held else self.do)(label, lambda session: session.with_take(number, **values))
 
     def finish_drag(self) -> None:
-        """Make a step of undo of what was dragged: the mouse let go."""
+        """Make the finished drag a step of undo."""
         draft, self._draft = self._draft, None
         if draft is None or draft == self.history.present.session:
             return
@@ -134,7 +134,7 @@ class Editor:
         self._changed(before)
 
     def amend(self, change: Change) -> None:
-        """Change the present step itself: a selection, a better answer."""
+        """Change the present step itself, without a new one: a selection, a better answer."""
         before = self.session
         if self._draft is not None:
             self._draft = change(self._draft)
@@ -146,7 +146,7 @@ class Editor:
             self._changed(before)
 
     def revise(self, change: Change) -> None:
-        """Change every step, as when a better answer takes the place of the first one."""
+        """Change the session of every step, such as when a better answer replaces the first one."""
         before = self.session
         self.history.revise(change)
         self.opened = change(self.opened)
@@ -157,12 +157,12 @@ class Editor:
 
     @property
     def undo_label(self) -> str:
-        """What undo would take back; "" for nothing."""
+        """Label of the change that undo would revert, or ""."""
         return self._draft_label if self._draft is not None else self.history.undo_label
 
     @property
     def redo_label(self) -> str:
-        """What redo would do again; "" for nothing."""
+        """Label of the change that redo would restore, or ""."""
         return "" if self._draft is not None else self.history.redo_label
 
     def undo(self) -> None:
@@ -179,7 +179,7 @@ class Editor:
             self.messages.note("Nothing to undo.")
 
     def redo(self) -> None:
-        """Do the edit again that was taken back last."""
+        """Redo the last undone step."""
         self.finish_drag()
         label = self.history.redo_label
         if self._go(1):
@@ -197,7 +197,7 @@ class Editor:
     # --- the session as a whole
 
     def use(self, file: SessionFile, history: History) -> None:
-        """Put another session in the place of this one, whose file the caller closes."""
+        """Switch to another session and its file; the caller closes the old file."""
         before = self.session
         self._draft, self.file, self.history = None, file, history
         self.opened = history.present.session

@@ -27,12 +27,12 @@ AT_ONCE = 2  # jobs that neither read nor write a file of the user
 
 
 class JobCancelled(SportError):
-    """The user has ended a job."""
+    """Raised if the user cancelled a job."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """What jobs are about: its kind in words for the user, and which one, where there are several of that kind."""
+    """What a job is about: its kind in words for the user, and which one if there are several of the kind."""
 
     what: str
     of: Hashable = None
@@ -54,23 +54,20 @@ class _Job:
 
     @property
     def words(self) -> str:
-        """What the job is about, as a sentence begins."""
+        """What the job is about, capitalised for the beginning of a sentence."""
         what = self.writing or self.doing or self.slot.what
         return self.reading or what[:1].upper() + what[1:]
 
     @property
     def shown(self) -> str:
-        """What the status line says; "" for nothing."""
+        """The text that the status line shows for the job, or ""."""
         about = (("Reading", self.reading), ("Writing", self.writing))
         return next((f"{verb} {what}" for verb, what in about if what), self.doing)
 
 
 @dataclass
 class Jobs:
-    """Slots, each with its jobs.
-
-    With `blocking` every job is done before `submit` returns, so that an offscreen run is deterministic.
-    """
+    """Background jobs by slot. With `blocking`, `submit` returns after the job is done, so that an offscreen run is deterministic."""
 
     messages: Messages
     blocking: bool = False
@@ -90,10 +87,10 @@ class Jobs:
         doing: str = "",
         cancel: Callable[[], None] | None = None,
     ) -> None:
-        """Run `work` on a thread, then `done(result)` here; a failure is posted and given to `failed`.
+        """Run `work` on a thread, then `done(result)` on this one; a failure is shown and passed to `failed`.
 
-        `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, `doing`
-        what else is done, in words for the user. `cancel` makes a job that runs end early.
+        `reading` is the name of a file being read, which the user can cancel. `writing` and `doing` say what is written
+        or done, in words for the user. `cancel` ends a running job early.
         """
         before = [job.future for job in self._of(slot, writing=True)]
         if not writing:
@@ -113,7 +110,7 @@ class Jobs:
 
     @contextlib.contextmanager
     def together(self) -> Iterator[None]:
-        """Jobs that run next to each other even with `blocking`, and are then done at the end, in their order."""
+        """Run the jobs submitted in the block in parallel even if `blocking`, and deliver them in order at the end."""
         blocking, self.blocking, before = self.blocking, False, list(self._jobs)
         try:
             yield
@@ -135,7 +132,7 @@ class Jobs:
                 job.cancel()
 
     def shown(self) -> tuple[str, Callable[[], None] | None]:
-        """Return what the status line says is read or written, once that takes a while, and what ends it early; "" for nothing."""
+        """Return the status text of a job that takes a while, and a function that cancels it; "" and None without one."""
         late = time.monotonic() - PATIENCE_S
         for job in self._jobs:
             if job.begun < late and not job.dropped and job.shown:
@@ -146,7 +143,7 @@ class Jobs:
         return "", None
 
     def cancel_reading(self) -> None:
-        """Drop what is being read: its result comes no more."""
+        """Cancel all jobs that read files; their results are dropped."""
         self._cancel([job for job in self._jobs if job.reading and not job.dropped])
 
     def _cancel(self, jobs: list[_Job]) -> None:
@@ -162,11 +159,11 @@ class Jobs:
         return any(job.slot == slot and not job.dropped for job in self._jobs)
 
     def end_slot(self, slot: Slot) -> None:
-        """End what makes a result in a slot; it comes no more."""
+        """Cancel the jobs of a slot, except those that write; their results are dropped."""
         self._drop(self._of(slot, writing=False))
 
     def deliver(self) -> None:
-        """Hand over what has finished; call once a frame."""
+        """Deliver the results of finished jobs; call once per frame."""
         finished = [job for job in self._jobs if job.future.done()]
         self._jobs = [job for job in self._jobs if job not in finished]
         for job in finished:
@@ -194,7 +191,7 @@ class Jobs:
     # --- the end
 
     def end(self) -> None:
-        """End all jobs but those that write, and of these the ones that can be ended early: the program ends."""
+        """Cancel all jobs for the end of the program, except writing jobs without a `cancel`."""
         self._drop([job for job in self._jobs if not job.writing])
         for job in self._jobs:
             if job.writing and job.cancel is not None:
@@ -202,9 +199,9 @@ class Jobs:
         self._jobs = [job for job in self._jobs if job.writing or not job.future.cancelled()]
 
     def finish(self, kind: str = "", until: float | None = None) -> bool:
-        """Wait for what is written in slots of a kind, or in all, hand it over, and say whether none failed.
+        """Wait for writing jobs of a kind, or all, deliver them, and return whether all succeeded.
 
-        What is not done at the time `until` (of `time.monotonic`) is given up.
+        Jobs not done at the time `until` (of `time.monotonic`) are abandoned.
         """
         jobs = {job.future: job for job in self._jobs if job.writing and kind in ("", job.slot.what)}
         if wait(jobs, 0.0).not_done:
@@ -223,7 +220,7 @@ class Jobs:
         self._jobs = [job for job in self._jobs if job not in late]
 
     def close(self, until: float) -> None:
-        """Finish what is written, until a time of `time.monotonic`; drop everything else."""
+        """Finish writing jobs, until a time of `time.monotonic`; drop all others."""
         self.end()
         self.finish(until=until)
 

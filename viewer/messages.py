@@ -21,7 +21,7 @@ _LOG = logging.getLogger("sport.viewer")
 
 
 class Level(IntEnum):
-    """How a message is meant, as a level of the log."""
+    """The severity of a message, as a log level."""
 
     NOTE = logging.INFO
     WARNING = logging.WARNING
@@ -33,7 +33,7 @@ _SHOWN_S = {Level.NOTE: NOTE_S, Level.WARNING: WARNING_S, Level.ERROR: ERROR_S}
 
 @dataclass(frozen=True)
 class Message:
-    """One message, and the clock's seconds from which on it is shown."""
+    """A message, and the time (seconds of the clock) from which it is shown."""
 
     text: str
     level: Level
@@ -59,7 +59,7 @@ class Message:
 
 @dataclass
 class Messages:
-    """The recent messages, newest last."""
+    """Recent messages, newest last."""
 
     clock: Callable[[], float] = time.monotonic
     logged: bool = True  # False while the caller raises what goes wrong, so that it is not shown twice
@@ -74,7 +74,7 @@ class Messages:
         remedy: str = "",
         holds: bool = False,
     ) -> None:
-        """Show and log `text`, after what weighs more was read; the same again only refreshes the one shown."""
+        """Show and log `text`, after a more severe message was read; repeating the current message only extends it."""
         last, now = self.recent[-1] if self.recent else None, self.clock()
         text, remedy = (printable(" ".join(words.split())) for words in (text, remedy))
         begins_s = now
@@ -90,24 +90,24 @@ class Messages:
         self.recent.append(message)
 
     def note(self, text: str, path: Path | None = None) -> None:
-        """Post something good to know, of a file that was written at `path`."""
+        """Show an informative message; `path` is a file that was written."""
         self.post(text, Level.NOTE, path=path)
 
     def warn(self, text: str, topic: object = None) -> None:
-        """Post something the user should look at; about a topic it holds until that is settled, for a minute at most."""
+        """Show a warning; with a topic it stays until that is settled, for a minute at most."""
         self.post(text, Level.WARNING, topic)
 
     def error(self, problem: BaseException | str, topic: object = None, holds: bool = True) -> None:
-        """Post an error; an exception is shown as its own sentence.
+        """Show an error; an exception by its own text.
 
-        About a topic it `holds` until that is settled, unless it was an attempt that failed, such as the reading of a file.
+        With a topic it stays until that is settled, unless `holds` is false, as for a failed attempt to read a file.
         """
         text = str(problem) or type(problem).__name__
         remedy = str(getattr(problem, "remedy", ""))
         self.post(text, Level.ERROR, topic, remedy=remedy, holds=holds and topic is not None)
 
     def show_in_folder(self, path: Path) -> None:
-        """Open the system's file manager where a file is."""
+        """Open the system's file manager at a file."""
         try:
             show_in_folder(path)
             self.note(f"{path.name} is in {path.parent}.")
@@ -115,7 +115,7 @@ class Messages:
             self.warn(f"No file manager opens ({error.strerror}); the file is {path}.")
 
     def settle(self, topic: object) -> None:
-        """Settle what was said about a topic: it went well since. A note goes at once."""
+        """Mark the messages about a topic as settled; notes disappear at once."""
         for at, message in reversed(list(enumerate(self.recent))):
             if message.topic == topic and not message.settled:
                 if message.level is Level.NOTE:
@@ -125,7 +125,7 @@ class Messages:
 
     @property
     def current(self) -> Message | None:
-        """What the status line shows now: the newest message, then again what still holds."""
+        """The message to show now: the newest, or one that still holds."""
         now = self.clock()
         begun = [message for message in self.recent if message.begins_s <= now]
         if begun and now <= begun[-1].ends_s:

@@ -20,11 +20,11 @@ SIDES = (64, 8192)  # pixels
 
 @dataclass(frozen=True)
 class ViewOptions:
-    """Options of one run of the viewer; None means "as last time" or the built-in default.
+    """Options of a viewer run; None means "as last time" or the built-in default.
 
-    `controls` is the stick as text (see `runtime.motion.control_scripts`), `keys` a script of keys for tests and film
-    making, e.g. "w 2; w+shift 1.5; idle 1" (see `viewer.input.devices`). With `offscreen` no display is needed, every frame is one simulation step of 1/60 s
-    and the run is deterministic; it ends after `frames` frames.
+    `controls` is a stick script (see `runtime.motion.control_scripts`), `keys` a script of keys for tests and films,
+    e.g. "w 2; w+shift 1.5; idle 1" (see `viewer.input.devices`). `offscreen` needs no display: every frame is one
+    simulation step of 1/60 s, and the run is deterministic; it ends after `frames` frames.
     """
 
     offscreen: bool = False
@@ -56,11 +56,11 @@ class ViewOptions:
 
     @property
     def saves_pictures(self) -> bool:
-        """Whether frames go into files, which need no status line."""
+        """Whether frames are saved to files, without the status line."""
         return self.offscreen or self.screenshot is not None or self.frames_directory is not None
 
     def check(self) -> None:
-        """UsageError naming the option when a value cannot be used, FileError when a file cannot be written."""
+        """Raise UsageError for an invalid option, and FileError if a file cannot be written."""
         for name in (entry.name for entry in fields(self)):
             value, spec = getattr(self, name), spec_of(self, name)
             if spec.flag and value is not None and not spec.allows(value):

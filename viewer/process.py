@@ -21,18 +21,18 @@ FRAME_S = 0.9  # that the frame in hand may take after a signal
 
 
 def show_in_folder(path: Path) -> None:
-    """Open the system's file manager where a file is; OSError where there is none."""
+    """Open the system's file manager at a file; OSError if there is none."""
     commands = {"win32": ["explorer", f"/select,{path}"], "darwin": ["open", "-R", str(path)]}
     command = commands.get(sys.platform, ["xdg-open", str(path if path.is_dir() else path.parent)])
     subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
 
 
 class Ending:
-    """Calls `end` at SIGINT, SIGTERM and SIGHUP (a logout, a closed terminal), which then no longer kill the process.
+    """Calls `end` at SIGINT, SIGTERM and SIGHUP instead of killing the process.
 
-    They raise nothing: an exception would get lost in a callback of the window, and a second signal, which is usual
-    when a terminal closes or a user is impatient, would cut short the writing that the first one began. A frame that
-    does not end is left behind, and so is writing that has not ended after `limit_s`.
+    The handlers raise nothing: an exception would get lost in a callback of the window, and a second signal, common
+    when a terminal closes, would interrupt the writing that the first one started. A frame that hangs, and writing that
+    takes longer than `limit_s`, are abandoned.
     """
 
     def __init__(self, end: Callable[[], None], limit_s: float) -> None:
@@ -43,7 +43,7 @@ class Ending:
 
     @contextlib.contextmanager
     def handled(self) -> Iterator[None]:
-        """Take the signals within the block; before and after it they do what they did."""
+        """Install the handlers within the block, and restore the previous ones after it."""
         before: dict[int, Any] = {}
         if threading.current_thread() is threading.main_thread():  # no other one may set handlers
             for number in SIGNALS:
@@ -78,10 +78,10 @@ ARENAS, MAPPED_BYTES = 2, 1 << 20
 
 
 def give_back_large_blocks() -> None:
-    """Blocks of a megabyte and more go back to the system when they are freed; call before threads are started.
+    """Make glibc return freed blocks of a megabyte and more to the system; call before threads are started.
 
-    glibc else raises that limit to 32 MB and makes a heap for every thread: a quarter of the memory of a long session was
-    free blocks in between. Other C libraries are left as they are.
+    By default glibc raises that limit to 32 MB and makes a heap for every thread: a quarter of the memory of a long
+    session was free blocks. Other C libraries are unaffected.
     """
     _call_glibc("mallopt", _ARENA_MAX, ARENAS)
     _call_glibc("mallopt", _MMAP_THRESHOLD, MAPPED_BYTES)
@@ -95,7 +95,7 @@ def _call_glibc(name: str, *values: int) -> None:
 
 
 def resident_mb() -> float:
-    """Return the memory that this process holds; 0 where the system does not tell."""
+    """Return the resident memory of this process in MB; 0 if unknown."""
     try:
         return int(_STATUS.read_text(encoding="ascii").split()[1]) * _PAGE_MB
     except (OSError, ValueError, IndexError):
@@ -104,13 +104,13 @@ def resident_mb() -> float:
 
 @dataclass
 class MemoryWatch:
-    """Gives freed memory back whenever this process has grown."""
+    """Returns freed memory to the system when this process has grown."""
 
     mb: float = 0.0  # that this process holds; 0 where the system does not tell
     _trimmed_mb: float = 0.0  # held after freed memory was last given back
 
     def look(self) -> None:
-        """Measure, and give back what was freed if that is much; call about once a second."""
+        """Measure the memory, and return freed memory if it grew much; call about once a second."""
         self.mb = resident_mb()
         if self.mb > self._trimmed_mb + GROWN_MB:
             _call_glibc("malloc_trim", 0)  # some milliseconds, and with glibc only

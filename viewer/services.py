@@ -33,7 +33,7 @@ BETWEEN_FRAMES_S = 0.004  # in which the window draws while a blend is measured
 
 @dataclass(frozen=True)
 class Loaded:
-    """A model ready to run: its controller, a prompt worker for each of two prompts, and their library.
+    """A loaded model: its controller, a prompt worker for each of two prompts, and the prompt library.
 
     `name` and `provider` are shown in the status line.
     """
@@ -47,9 +47,9 @@ class Loaded:
 
 
 def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSettings | None = None) -> Loaded:
-    """Return the exported model of `directory` (the shipped one by default) with its prompt encoder.
+    """Load a model (default: the shipped one) with its prompt encoder.
 
-    Prompts are expanded by the library, or by the language model `gpt` with the library behind it.
+    Prompts are expanded by the library, or by the language model `gpt` with the library as fallback.
     """
     model = read_model(directory)
     prompter = Prompter(model)
@@ -63,7 +63,7 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
 
 
 def load_character(path: Path | None, joint_map: Path | None = None, unit: str = "") -> Any:
-    """Return the character of a GLB file; the shipped mannequin by default. `joint_map` replaces the one in its folder."""
+    """Load a character file (default: the mannequin); `joint_map` replaces the one in its folder."""
     source = asset_path(DEFAULT_CHARACTER) if path is None else path
     character = read_character(source, joint_map, unit or None)
     _ = character.body  # fitted here, on a worker, not in the first frame
@@ -71,12 +71,12 @@ def load_character(path: Path | None, joint_map: Path | None = None, unit: str =
 
 
 def make_renderer(ctx: Any, quality: str) -> Any:
-    """Return the project's renderer with a preset by name; "" lets it choose for this machine."""
+    """Create the renderer with a quality preset; "" chooses one for this machine."""
     return Renderer(ctx, choose_quality(ctx, quality))
 
 
 def library_prompts() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the prompts of the shipped library: one for each style, to choose from, and all of them, to suggest."""
+    """Return the prompts of the shipped library: one per style for the list, and all of them for suggestions."""
     styles = load_styles(asset_path(STYLES))
     entries = load_library(asset_path(LIBRARY), styles).entries
     prompts = [entry.prompt for entry in entries] + [text for entry in entries for text in entry.also]
@@ -86,7 +86,7 @@ def library_prompts() -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class Services:
-    """Loaders, called on worker threads except `make_renderer` (context, quality or "") and `terrain_names`."""
+    """The loaders, replaceable in tests; they run on worker threads, except `make_renderer` and `terrain_names`."""
 
     load_model: Callable[[Path | None, Terrain, int, GptSettings | None], Loaded] = load_model
     load_terrain: Callable[[str, float, float], Terrain] = load_terrain

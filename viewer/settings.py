@@ -43,7 +43,7 @@ NAVIGATIONS = {"sport": "SPORT", "blender": "Blender", "maya": "Maya"}
 
 @dataclass
 class Settings:
-    """Remembered choices; every field has a safe default."""
+    """Settings stored between runs; every field has a safe default."""
 
     width: int = specified(1280, 320, 8192)  # window, screen units
     height: int = specified(720, 240, 8192)
@@ -142,7 +142,7 @@ class Settings:
 
 
 def config_directory(environment: dict[str, str] | None = None) -> Path:
-    """Return where settings live: $SPORT_CONFIG_DIR, else $XDG_CONFIG_HOME/sport-viewer, else ~/.config/sport-viewer."""
+    """Return the settings folder: $SPORT_CONFIG_DIR, else $XDG_CONFIG_HOME/sport-viewer, else ~/.config/sport-viewer."""
     env = os.environ if environment is None else environment
     if env.get("SPORT_CONFIG_DIR"):
         return Path(env["SPORT_CONFIG_DIR"])
@@ -151,13 +151,13 @@ def config_directory(environment: dict[str, str] | None = None) -> Path:
 
 
 def under_home(path: Path) -> str:
-    """Return a path as one writes it: below the home directory with ~."""
+    """Return a path as text, with the home directory written as ~."""
     home = Path.home()
     return str(Path("~") / path.relative_to(home)) if path.is_relative_to(home) else str(path)
 
 
 def load_settings(directory: Path) -> tuple[Settings, list[str]]:
-    """Return the settings from `directory` and the complaints about it; whatever cannot be read keeps its default."""
+    """Load the settings from `directory`, with messages about invalid ones, which get their defaults."""
     path = directory / FILE_NAME
     try:
         content = _read(path)
@@ -192,7 +192,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def checked(name: str, value: Any, default: Any) -> Any:
-    """Return `value` for the setting `name`, as the type of `default`, when it is allowed; else None."""
+    """Return `value` converted to the type of `default` if the setting `name` allows it, else None."""
     if isinstance(default, list):
         return list(filter(_is_text, value))[:MAX_LIST_ENTRIES] if isinstance(value, list) else None
     read = spec_of(Settings, name).read(value, default)
@@ -201,7 +201,7 @@ def checked(name: str, value: Any, default: Any) -> Any:
 
 
 def remembered(text: str, known: list[str], count: int = MAX_LIST_ENTRIES) -> list[str]:
-    """Return a list of the newest first with a text as its first, at most so many."""
+    """Return the list with a text moved to the front, limited to `count` entries."""
     return [text, *(other for other in known if other != text)][:count]
 
 
@@ -211,7 +211,7 @@ def _is_text(value: Any) -> bool:
 
 @dataclass
 class KeptSettings:
-    """Settings that are written, on a worker, at most `WRITE_INTERVAL_S` after they change."""
+    """Writes changed settings to disk on a worker, at most `WRITE_INTERVAL_S` after a change."""
 
     settings: Settings
     directory: Path
@@ -226,13 +226,13 @@ class KeptSettings:
         self._written = self._tried = copy.deepcopy(self.settings)
 
     def watch(self) -> None:
-        """Write what was changed; call once a frame."""
+        """Write changed settings if due; call once per frame."""
         if self.active and self.clock() >= self._next_s and self.settings != self._tried:
             self._next_s = self.clock() + WRITE_INTERVAL_S
             self._write()
 
     def finish(self, until: float) -> bool:
-        """Write what was changed, until a time of `time.monotonic`; return whether it is in the file."""
+        """Write changed settings until a time of `time.monotonic`; return whether they are on disk."""
         if self.active:
             self._write()
         return self.jobs.finish(_SLOT.what, until) and self._written == self._tried
@@ -248,10 +248,10 @@ class KeptSettings:
 
 
 def save_settings(settings: Settings, directory: Path, before: Settings | None = None) -> None:
-    """Write settings so that the file is whole or the old one; FileError when it cannot be written.
+    """Write settings completely or not at all; FileError if they cannot be written.
 
-    With `before`, what this run began with, only what it changed is written over what the file holds by now: another
-    run may have been closed since. An address that may hold credentials is left out.
+    With `before`, the settings at startup, only changes made since are written, since another run may have saved its
+    own. A URL that may contain credentials is left out.
     """
     values = dataclasses.asdict(settings)
     if has_credentials(settings.gpt_base_url):

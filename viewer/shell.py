@@ -95,7 +95,7 @@ class Shell:
 
     @property
     def modal(self) -> bool:
-        """Whether a window is open that keeps the keys from all behind it."""
+        """Whether a modal window is open, which blocks keys for everything behind it."""
         return any(panel.modal and panel.shown() for panel in self.panels)
 
     def _next_panel(self) -> None:
@@ -123,14 +123,14 @@ class Shell:
                 return
 
     def refuse_key(self) -> None:
-        """Say who has the keys, until that is so no longer."""
+        """Show which window has the keyboard focus."""
         who = self.focus.holder.removesuffix(OVER) if self.focus.holder in self.focus.windows else "A panel"
         self.messages.post(
             f"{who} has the keyboard: Esc or a click on the view returns it.", Level.NOTE, _KEYS
         )
 
     def arrange(self, scale: float) -> None:
-        """Fit the panels to the window for a UI scale; call before `draw`, within an ImGui frame."""
+        """Place the panels for a UI scale; call before `draw`, within an ImGui frame."""
         if scale != self._scale:
             theme.apply_style(scale)
             self._scale = scale
@@ -139,25 +139,25 @@ class Shell:
         self._layout = arrange(size.x, size.y, scale, self.state.panels_open, playing)
 
     def draw_at(self, scale: float) -> None:
-        """Fit and draw every panel, for a pass that only takes input."""
+        """Place and draw every panel, for a pass that only handles input."""
         self.arrange(scale)
         self.draw()
 
     @property
     def framing(self) -> tuple[float, float, float]:
-        """Where the panels leave the view free, see `layout.framing`."""
+        """Return the area of the view free of panels, see `layout.framing`."""
         over = self._shown(PanelPlace.VIEW)
         covered = max((panel.covers(self._layout.view) for panel in over), default=0.0)
         return framing(self._layout, covered if self.state.panels_open else 0.0)
 
     @property
     def aspect(self) -> float:
-        """Width of the free view over the height of the window."""
+        """Width of the free view divided by the window's height."""
         size = imgui.get_io().display_size
         return self._layout.view.width / max(size.y, 1.0)
 
     def draw(self) -> None:
-        """Draw every panel, and act on Esc where ImGui has not."""
+        """Draw every panel, and handle Esc if ImGui has not."""
         if imgui.is_key_pressed(imgui.Key.escape, False):
             if self.focus.use is not Use.OPEN:
                 self._cancel()

@@ -54,7 +54,7 @@ KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.ite
 
 @dataclass
 class WindowEvents:
-    """Who wants to hear what; set before the window opens."""
+    """Callbacks for window events, set before the window opens."""
 
     key: Callable[[str, bool], bool]  # name, down; whether it acts, and what it types is no text
     mouse_press: Callable[[float, float], None]  # where, in screen units
@@ -63,7 +63,7 @@ class WindowEvents:
 
 
 class Window:
-    """The window, `ctx` (moderngl), and `framebuffer`, into which scene and panels are drawn before it is shown."""
+    """The window, its `ctx` (moderngl), and the `framebuffer` for scene and panels."""
 
     def __init__(
         self,
@@ -115,7 +115,7 @@ class Window:
 
     @property
     def minimised(self) -> bool:
-        """Whether there is nothing to draw on."""
+        """Whether the window has no area to draw on."""
         return 0 in self.pixels or self._iconified
 
     @property
@@ -124,12 +124,12 @@ class Window:
 
     @property
     def ui_scale(self) -> float:
-        """How much larger than at 96 dpi the interface is drawn, in screen units."""
+        """Scale of the interface relative to 96 dpi, in screen units."""
         return self.wanted_scale if self.wanted_scale > 0.0 else self._monitor_scale
 
     @property
     def unscaled_size(self) -> tuple[int, int]:
-        """The size to ask for to get this window again: what the monitor's scale made of it is taken out."""
+        """The window size without the monitor's scale, to store for the next start."""
         width, height = self.size if self._windowed is None else self._windowed[2:]
         return round(width / self._monitor_scale), round(height / self._monitor_scale)
 
@@ -139,13 +139,13 @@ class Window:
         return min(max(scale * width / pixels, 0.5), 4.0) if width > 0 and pixels > 0 else 1.0
 
     def use_scale(self, scale: float) -> None:
-        """Draw the interface at another scale from the next frame on; 0 is the monitor's."""
+        """Set the interface scale from the next frame on; 0 uses the monitor's."""
         self.wanted_scale = scale
 
     # --- one frame
 
     def poll(self, wait_seconds: float = 0.0) -> None:
-        """Deliver events; waits up to `wait_seconds` for one."""
+        """Process events, waiting up to `wait_seconds` for one."""
         try:
             if wait_seconds > 0.0:
                 glfw.wait_events_timeout(wait_seconds)
@@ -156,7 +156,7 @@ class Window:
 
     @property
     def input_waits(self) -> bool:
-        """Whether events are left that ImGui did not take into this frame."""
+        """Whether events are left that ImGui did not process in this frame."""
         return len(imgui.get_current_context().input_events_queue) > 0
 
     def begin_frame(self, dt: float | None = None) -> None:
@@ -193,7 +193,7 @@ class Window:
         return text
 
     def take_input(self, draw: Callable[[float], None]) -> None:
-        """Let panels take all events of a slow frame: ImGui hands out key by key. `draw` draws them at a scale, unseen."""
+        """Process all events of a slow frame, since ImGui handles one key per frame; `draw` draws the panels, unseen, at a scale."""
         for _ in range(MAX_PASSES):
             if not self.input_waits:
                 return
@@ -202,21 +202,21 @@ class Window:
             self.begin_frame(PASS_SECONDS)
 
     def begin_drawing(self) -> None:
-        """Let what was asked for be drawn from now on, not at the next wait."""
+        """Flush the OpenGL commands so that drawing starts now."""
         self._flush()
 
     def draw_interface(self) -> None:
-        """Draw the panels over what is in the framebuffer; `imgui.render()` must have run."""
+        """Draw the panels over the framebuffer; call `imgui.render()` before."""
         self.framebuffer.use()
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
     def end_frame(self) -> None:
-        """End an ImGui frame that a defect has left open; nothing after a whole one."""
+        """End an ImGui frame left open by an internal error, if any."""
         if self.handle is not None and imgui.get_current_context().within_frame_scope:
             imgui.end_frame()
 
     def present(self) -> None:
-        """Show the framebuffer; without a display the picture is only drawn to its end."""
+        """Show the framebuffer; without a display, only finish drawing."""
         if self._offscreen:
             self.ctx.finish()  # what a swap would do: the library keeps the buffers of every picture until it is drawn
             return
@@ -233,7 +233,7 @@ class Window:
     # --- requests
 
     def hide(self) -> None:
-        """Take the window off the screen while the program finishes its work."""
+        """Hide the window while the program finishes its work."""
         if self.handle is not None:
             glfw.hide_window(self.handle)
 
@@ -241,7 +241,7 @@ class Window:
         glfw.set_window_should_close(self.handle, True)
 
     def toggle_full_screen(self) -> None:
-        """Full screen on the monitor under the window's corner, or back to where the window was."""
+        """Toggle full screen, on the monitor under the window's corner."""
         if self._offscreen:
             return
         if self._windowed is not None:
@@ -256,7 +256,7 @@ class Window:
             glfw.set_window_monitor(self.handle, monitor, 0, 0, *mode.size, mode.refresh_rate)
 
     def inject_key(self, name: str, down: bool) -> None:
-        """Behave as if a key went down or up: for scripts and tests (ImGui's callback calls this window's)."""
+        """Simulate a key press or release, for scripts and tests."""
         code, action = KEY_CODES[name], glfw.PRESS if down else glfw.RELEASE
         if name in _MODIFIERS:
             (self._injected.add if down else self._injected.discard)(name)
@@ -271,7 +271,7 @@ class Window:
             imgui.get_io().add_key_event(_MODIFIERS[modifier], True)
 
     def destroy(self) -> None:
-        """Close everything; the object is of no use afterwards, a second call does nothing."""
+        """Release everything; further calls do nothing."""
         if self.handle is None:
             return
         imgui.backends.opengl3_shutdown()

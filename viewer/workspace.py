@@ -66,7 +66,7 @@ LEAVE_S = 0.7  # to write what a session has when the process ends before its lo
 
 
 class Workspace:
-    """The rooms of the application, each given what it uses; the first ones know nothing of the later ones."""
+    """The session with all tools; each tool only knows those created before it."""
 
     def __init__(
         self,
@@ -204,7 +204,7 @@ class Workspace:
         ]  # fmt: skip
 
     def load(self) -> None:
-        """Begin to load what the options and the settings ask for."""
+        """Start loading what the options and settings ask for."""
         options, settings, scene, prompting = self.options, self.settings, self.scene, self.prompting
         self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
         self.state.bare = options.saves_pictures and not options.panels
@@ -225,7 +225,7 @@ class Workspace:
         (self._check if options.offscreen else self._begin)()
 
     def remembered_character(self) -> Path | None:
-        """Return the file of the character that was chosen last; None for the mannequin."""
+        """Return the file of the last chosen character, or None for the mannequin."""
         name = self.settings.character
         if name in SHIPPED:
             return None if name == MANNEQUIN else character_file(name)
@@ -266,7 +266,7 @@ class Workspace:
         return file.getvalue()
 
     def close_tools(self) -> None:
-        """End everything that goes on in the view, after a defect: a take that plays, a path, pins, variants."""
+        """Close everything in progress in the view after an internal error: playback, path, pins, variants."""
         self.settings.show_ghosts = self.settings.show_trails = False
         self.compare.close()
         self.path.stop()
@@ -276,7 +276,7 @@ class Workspace:
         self.takes.close_playback()
 
     def frame_selection(self) -> None:
-        """Bring the selected pin into the middle, or the whole character."""
+        """Centre the selected pin or joint, or the whole character."""
         point = self.posing.place if self.posing.shown else self.pins.place
         if point is None:
             self.scene.frame_character()
@@ -285,7 +285,7 @@ class Workspace:
             self.settings.camera = self.scene.camera.mode
 
     def load_model(self, directory: Path | None, seed: int) -> None:
-        """Load an exported model, the shipped one for None; the one in use stays until it is there."""
+        """Load a model, the shipped one for None; the current one stays until then."""
         gpt, before = self.language_model.chosen(), self.editor.session.model.sha256
         self.scene.load_model(
             directory, seed, gpt,
@@ -294,7 +294,7 @@ class Workspace:
         )  # fmt: skip
 
     def shown_pose(self) -> Pose:
-        """Return the pose in view: that of the take that plays, or the live one."""
+        """Return the pose in view, of the playing take or live."""
         if self.takes.playback is not None:
             return self.takes.playback.pose()
         simulation = self.scene.simulation

@@ -26,23 +26,22 @@ MOVED_FRACTION = 0.8
 
 @dataclass(frozen=True)
 class Body:
-    """Nodes that are the joints of one character, parents first; `known` where names or tree tell legs and arms."""
+    """The joint nodes of one character, parents first; `known` if names or the hierarchy identify its legs and arms."""
 
     name: str
     joints: tuple[int, ...]
     known: bool
 
     def half(self, count: int) -> float:
-        """Return half of a count of joints, or of a known body that has fewer: its animation moves at least as many."""
+        """Return how many joints an animation must move to count as one of this body: half of `count`, or of a known smaller body's joints."""
         return min(count, len(self.joints) if self.known else count) / 2
 
 
 def find_bodies(nodes: Nodes, moved: Collection[int] = ()) -> list[Body]:
-    """Return the bodies of a file, known ones first: joints of skins and `moved` nodes that hang together.
+    """Return the bodies of a file, recognised ones first: connected joints of skins and `moved` nodes.
 
-    A branch that has the names of a whole body is one, with all that hangs on it and wherever it hangs itself. What is
-    left is one body for what holds the joints of its skins, or most of what moves; it is parted where its branches are
-    bodies by their rest poses. FileError where the nodes are no tree.
+    A branch with the joint names of a whole body is one body. Other joints form one body for each connected group,
+    split where branches look like bodies in the rest pose. Raises FileError if the nodes do not form a tree.
     """
     shown = {node for node in moved if _bare(nodes.entry(node), "skin")}
     bones, tops = nodes.skinned | shown, dict.fromkeys(_named_tops(nodes), True)
@@ -69,7 +68,7 @@ def _body_name(nodes: Nodes, top: int, inside: list[int]) -> str:
 
 
 def open_character(path: Path) -> tuple[GltfFile, str]:
-    """Read a file without the skins and meshes of further bodies; a sentence names those, "" where there are none. FileError."""
+    """Read a glTF file with its first body alone; also return a sentence that names the bodies left out, or "". Raises FileError."""
     file = open_gltf(path)
     nodes = Nodes(file)
     known = [body for body in find_bodies(nodes) if body.known] if nodes.skinned else []

@@ -29,10 +29,10 @@ HAND_POINTS = 14  # that stand for a hand
 
 @dataclass(frozen=True)
 class Table:
-    """Distances from an axis or a centre to the surface, in the rest frame of a driven joint.
+    """Distances from a joint's axis (trunk) or centre (head) to the mesh surface, in the rest frame of that joint, in metres.
 
-    `origin` `(3,)` is relative to the joint's pivot; `radii` `(heights, AROUND)` of a trunk, by height over the origin
-    in steps of `RISE_M`, or `(UP, AROUND)` of a head, by elevation.
+    `origin` `(3,)` is relative to the joint's pivot. `radii` is `(heights, AROUND)` for a trunk, one row every `RISE_M`
+    of height, or `(UP, AROUND)` for a head, by elevation.
     """
 
     joint: int  # of the character
@@ -43,9 +43,9 @@ class Table:
 
 
 class BodySurface:
-    """Tables of trunk and head, read together, and points of each hand in the aligned rest pose.
+    """Surface tables of trunk and head, and points on each hand in the aligned rest pose.
 
-    `hands` `(S, n, 3)` are about their joints, of the sides `sides`.
+    `hands` `(S, n, 3)` are relative to the hand joints of `sides`.
     """
 
     def __init__(self, tables: Sequence[Table], hands: Mapping[str, AnyArray]) -> None:
@@ -62,14 +62,14 @@ class BodySurface:
         )
 
     def outward(self, points: AnyArray) -> AnyArray:
-        """Return unit directions `(..., tables, 3)` from axes or centres to points in the joints' rest frames."""
+        """Return unit directions `(..., tables, 3)` from each table's axis or centre to the points, in the joints' rest frames."""
         away = points - self.origins
         # a hand that goes through the middle of a head comes out at its top
         away[..., 1] = np.where(self.round, away[..., 1] + HEAD_UP_M, 0.0)
         return rotations.normalize(away)
 
     def depth(self, points: AnyArray) -> AnyArray:
-        """Return the depths `(..., tables, n)` of points `(..., tables, n, 3)`, in rest frames, below the surface; 0 above it."""
+        """Return how deep points `(..., tables, n, 3)` in rest frames lie below the surface, `(..., tables, n)` metres; 0 outside."""
         away = points - self.origins[:, None]
         x, height, z = away[..., 0], away[..., 1], away[..., 2]
         ball, rows = self.round[:, None], self.rows[:, None]
@@ -97,7 +97,7 @@ class BodySurface:
 def fit_surface(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> BodySurface | None:
     """Fit the surface of a character to its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose.
 
-    None where the mesh is not one: no hands, or holes all over.
+    Returns None if the mesh has no hands or too many holes.
     """
     names = np.array((*SPORT_SKELETON.names, ""))
     lead = mesh.joint_indices[np.arange(len(rest)), mesh.joint_weights.argmax(axis=1)]

@@ -37,15 +37,12 @@ MIN_SIZE, MAX_SIZE = 0.05, 20.0  # those of a clip
 
 @dataclass(frozen=True)
 class Character(SkinnedMesh):
-    """A skinned mesh with feet to stand on and a surface that hands end at; `note` says where its size was guessed."""
+    """A skinned mesh with soles and a body surface that hands cannot enter; `note` says if its size was guessed."""
 
     note: str = ""
 
     def skin_matrices(self, pose: Pose) -> AnyArray:
-        """Return skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`.
-
-        It stands on its own feet (`adapted`).
-        """
+        """Return skinning matrices `(K, 4, 4)` float32 from the bind pose to world space in `pose`, adapted to this body."""
         positions, world = self.adapted(pose.positions, pose.world_rotations, pose.contacts)
         return (self.joint_matrices(positions, world) @ self.inverse_bind).astype(np.float32)
 
@@ -59,17 +56,17 @@ class Character(SkinnedMesh):
 
     @cached_property
     def soles(self) -> Soles:
-        """The feet, as they differ from ours."""
+        """The character's soles, relative to those of the SPORT skeleton."""
         return find_soles(self, *self.rest)
 
     @cached_property
     def body(self) -> BodySurface | None:
-        """The surface that hands end at, None where the mesh has none."""
+        """The surface that hands cannot enter, or None if the mesh does not have a usable one."""
         return fit_surface(self, *self.rest)
 
     @cached_property
     def height(self) -> float:
-        """Height (metres) of the mesh in our rest pose."""
+        """Height (metres) of the mesh in the SPORT rest pose."""
         return float(np.ptp(self.rest[0][:, 1]))
 
 
@@ -78,9 +75,9 @@ def load_character(
 ) -> Character:
     """Load a skinned .glb, .gltf or .vrm; FileError names the file, what is wrong and what to do.
 
-    Joints are found by known names or by the tree and the rest pose (`guess_skeleton`). `joint_map` (SPORT joint name ->
-    joint name in the file, "" for none), or its file, overrides them one by one; by default it is the one next to the file.
-    `unit` is a key of `NAMED_UNITS`; None: metres, or what fits the height of the body.
+    Joints are found by known names, or by hierarchy and rest pose (`guess_skeleton`). `joint_map` (SPORT joint name to
+    joint name in the file, "" for none), or a file of it, overrides single joints; the default is the map next to the
+    file. `unit` is a key of `NAMED_UNITS`; None chooses metres, or the unit that fits the height of a body.
     """
     with _reading(path) as (file, note):
         character = _assemble(file, *_guessed(file, joint_map), unit)
@@ -88,7 +85,7 @@ def load_character(
 
 
 def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> JointGuess:
-    """Guess what the joints of a character file play, also where some are missing; FileError as `load_character`."""
+    """Guess the SPORT joint that each joint of a character file stands for, even if some are missing. Raises FileError."""
     with _reading(path) as (file, _):
         return _guessed(file, joint_map)[0]
 
@@ -153,12 +150,12 @@ def _size_note(file: GltfFile, character: Character, vertices: AnyArray, unit: s
 
 
 def file_unit(vertices: AnyArray) -> float | None:
-    """Return the metres of a unit of the file: the first of `FILE_UNITS` in which the body is `SMALLEST_M` to `LARGEST_M` high."""
+    """Return the file's unit in metres: the first of `FILE_UNITS` that makes the body `SMALLEST_M` to `LARGEST_M` tall, or None."""
     height = float(np.ptp(vertices, axis=0).max())
     return next((unit for unit in FILE_UNITS if SMALLEST_M <= height * unit <= LARGEST_M), None)
 
 
 def own_size(alignment: Alignment, vertices: AnyArray, unit: float | None = None) -> float:
-    """Return the size of a body relative to ours, by the metres of a `unit` of its file or `file_unit`; 1 if none fits."""
+    """Return the size of a body relative to the SPORT skeleton, from `unit` (metres) or else `file_unit`; 1 if none fits."""
     unit = file_unit(vertices) if unit is None else unit
     return 1.0 if unit is None else float(np.clip(alignment.units * unit, MIN_SIZE, MAX_SIZE))

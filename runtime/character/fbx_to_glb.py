@@ -27,9 +27,9 @@ _KEPT: list[Any] = []
 
 
 class Kept:
-    """An object of ufbx 0.0.5, which frees elements that Python lets go of while the scene still points to them.
+    """Keeps an object of ufbx 0.0.5 alive until the process ends, with everything read through it.
 
-    Whatever is read through it is kept until the process ends.
+    The library frees elements that Python has released while the scene still refers to them.
     """
 
     __slots__ = ("value",)  # there is one for each vertex and weight
@@ -51,7 +51,7 @@ class Kept:
         return (self[k] for k in range(len(self)))
 
     def array(self) -> Any:
-        """Return a list of numbers or vectors as an array."""
+        """Return the kept list of numbers or vectors as an array."""
         return np.array(self.value)
 
 
@@ -60,7 +60,7 @@ def _kept(value: Any) -> Any:
 
 
 def convert(source: Path, motion: bool) -> bytes:
-    """Convert an FBX to GLB, in metres, Y up; with `motion` its animations too."""
+    """Convert an FBX to GLB, in metres, Y up; `motion` includes its animations."""
     import pygltflib as g
     import ufbx
 

@@ -31,7 +31,7 @@ _IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
 class GlbBuffer:
-    """A document and the bytes of its only buffer; `add` appends arrays, `save` writes a GLB."""
+    """A glTF document with one binary buffer; `add` appends arrays, `save` writes a GLB."""
 
     def __init__(self, gltf: GLTF2) -> None:
         self.gltf = gltf
@@ -39,9 +39,9 @@ class GlbBuffer:
 
     @staticmethod
     def of_file(file: GltfFile) -> GlbBuffer:
-        """Return the document of a file with all its buffers and images inside one buffer, without its animations.
+        """Return a file's document, without animations, with all buffers and images packed into one buffer.
 
-        FileError when something is missing or damaged.
+        Raises FileError if something is missing or damaged.
         """
         import pygltflib as g
 
@@ -109,13 +109,13 @@ class GlbBuffer:
         return start
 
     def append(self, field: str, entry: Any) -> int:
-        """Return the index of a new entry of a list of the document."""
+        """Append an entry to a list of the document and return its index."""
         entries = getattr(self.gltf, field)
         entries.append(entry)
         return len(entries) - 1
 
     def add_view(self, data: bytes, target: int | None = None) -> int:
-        """Return the index of a new buffer view that holds `data`."""
+        """Add a buffer view that holds `data` and return its index."""
         import pygltflib as g
 
         start = self._append(data)
@@ -125,7 +125,7 @@ class GlbBuffer:
     def add(
         self, values: AnyArray, target: int | None = None, *, bounds: bool = False, normalized: bool = False
     ) -> int:
-        """Return the index of a new accessor that holds `values` `(count, width)`; floats are written as float32."""
+        """Add an accessor that holds `values` `(count, width)` and return its index; floats are written as float32."""
         import pygltflib as g
 
         values = np.ascontiguousarray(values, np.float32 if values.dtype.kind == "f" else values.dtype)
@@ -156,15 +156,15 @@ class GlbBuffer:
             view.byteOffset = self._append(bytes(old[first : first + view.byteLength]))
 
     def as_file(self, path: Path) -> GltfFile:
-        """Return the document as one that was read from `path`, for what writes it in another form."""
+        """Return the document as if it had been read from `path`, for writers of other formats."""
         return GltfFile(path, json.loads(self.gltf.to_json(), object_hook=Entry), (memoryview(self._blob),))
 
     def save(self, path: Path) -> None:
-        """Write the GLB whole or not at all; FileError when it cannot be written."""
+        """Write the GLB completely or not at all; FileError if it cannot be written."""
         write_atomic(path, self.to_bytes())
 
     def to_bytes(self) -> bytes:
-        """Return the GLB."""
+        """Return the document as bytes of a GLB file."""
         import pygltflib as g
 
         self._drop_unused()

@@ -38,20 +38,19 @@ GROUND_FRACTION, OTHER_FEET_FRACTION = 0.75, 0.6
 
 
 class JointsUnknown(FileError):
-    """A character whose joints could not all be found; they can be chosen by hand."""
+    """Raised if required joints of a character could not be found; the user can choose them by hand."""
 
 
 class NotUpright(FileError):
-    """A character with four legs."""
+    """Raised if a character stands on four legs."""
 
 
 @dataclass(frozen=True)
 class JointGuess:
-    """The joints of a file and what they play.
+    """The joints of a file and the SPORT joints they correspond to.
 
-    `found` maps SPORT joints to indices, `origin` says by what (the convention of the names, or `BY_TREE`),
-    `chosen` are those that a joint map names, `missing` those without which nothing can be driven. `doubts` says of
-    joints found by names or tree that geometry refused, why: they are not in `found`.
+    `found` maps SPORT joints to indices; `origin` is the naming convention, or `BY_TREE`; `chosen` are set by the joint
+    map; `missing` are required joints that were not found; `doubts` gives the reason for each guess that geometry rejected.
     """
 
     names: tuple[str, ...]
@@ -65,7 +64,7 @@ class JointGuess:
 
 
 def require(path: Path, guess: JointGuess) -> None:
-    """Raise `JointsUnknown` where a joint is missing, with the places to name it."""
+    """Raise `JointsUnknown` if a required joint is missing; the message says where it can be named."""
     if guess.missing:
         raise JointsUnknown(
             f"{path}: no joints found for {', '.join(guess.missing)} (neither by known names nor by tree and rest"
@@ -92,12 +91,13 @@ def guess_skeleton(
     turning: AnyArray | None = None,
     humanoid: Mapping[str, int] = NO_JOINTS,
 ) -> JointGuess:
-    """Guess which joints of a skeleton play which of ours, in a rest pose with `points` `(N, 3)` of its body or mesh.
+    """Guess which joints of a skeleton correspond to SPORT joints, from names, hierarchy and rest pose.
 
-    What geometry refuses is left out, what was chosen by hand is put in. `turning` `(K,)` is how far each joint turns
-    against its parent in a motion, radians: joints of limbs must turn. `humanoid` are the joints that a VRM names.
+    `points` `(N, 3)` are the body or mesh in the rest pose. Guesses that the geometry contradicts are dropped; entries
+    of `joint_map` always win. `turning` `(K,)` is how far each joint rotates in a motion (radians): limb joints must
+    rotate. `humanoid` are the joints that a VRM names.
 
-    FileError where the map names a joint that is not there, `NotUpright` for a quadruped.
+    Raises FileError if the map names an unknown joint, and `NotUpright` for a quadruped.
     """
     found, origin = _guessed_joints(tree, points, names, humanoid)
     if turning is not None:
@@ -173,10 +173,10 @@ def _chosen(path: Path, names: tuple[str, ...], joint_map: Mapping[str, str]) ->
 
 
 def refusals(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
-    """Return, for each SPORT joint whose guess is refused, the reason why; empty where all can be believed.
+    """Return the reason for each SPORT joint whose guess is rejected; empty if all are plausible.
 
-    Bones of a limb must be of comparable length, left and right alike, joints in the order of the tree, and the left
-    leg on the left as the feet point.
+    Bones of a limb must have comparable lengths and match left to right, joints must follow the hierarchy, and the left
+    leg must be on the left of the direction in which the feet point.
     """
     wrong: dict[str, str] = {}
     for limb, (bones, _) in LIMBS.items():
@@ -240,7 +240,7 @@ def _swapped(found: Mapping[str, int], tree: JointTree) -> list[str]:
 
 
 def on_four_legs(found: Mapping[str, int], tree: JointTree) -> bool:
-    """Return whether the arms are legs that go down across the trunk, or two other limbs stand far from the feet."""
+    """Return whether the skeleton is a quadruped: its arms are legs, or two other limbs reach the ground far from the feet."""
     if not _on_both_sides(found, "UpLeg", "Foot"):
         return False
     hips = _middle(found, tree, "UpLeg")

@@ -21,7 +21,7 @@ BENT, STRAIGHT = np.radians((75.0, 40.0))  # of the elbow
 
 
 def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...]) -> AnyArray:
-    """Return how closely `(...)` the hand of an arm (SPORT joints) touches trunk or head in a pose: 0 free, 1 on it."""
+    """Return how closely a hand touches trunk or head, `(...)`: 0 free, 1 in contact. `arm` are SPORT joints."""
     wrist = positions[..., arm[2], :]
     seen = rotations.rotate(rotations.inverse(world_rotations[..., 0, :]), wrist - positions[..., 0, :])
     over = np.maximum(np.maximum(TRUNK_LOW_M - seen[..., 1], seen[..., 1] - TRUNK_HIGH_M), 0.0)
@@ -37,9 +37,9 @@ def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...
 
 
 def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyArray:
-    """Return the place `(..., 3)` of the wrist next to a character's own joints `anchors` `(..., 3, 3)`: those of `ANCHORS`.
+    """Return the wrist position `(..., 3)` that keeps its offsets from the character's own anchor joints.
 
-    Near an anchor it keeps the place from there. Trunks are turned alike, so places from them can be compared.
+    `anchors` `(..., 3, 3)` are the positions of `ANCHORS`; nearer anchors weigh more. Trunks must have the same orientation.
     """
     away = positions[..., arm[2], None, :] - positions[..., ANCHORS, :]
     weight = 1.0 / np.maximum(np.sum(away * away, axis=-1, keepdims=True), 1e-4)
@@ -48,7 +48,7 @@ def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyAr
 
 
 def ramp(value: AnyArray, none: float, full: float) -> AnyArray:
-    """Return a weight: 0 at `none`, 1 at `full`, smooth between."""
+    """Return a smooth weight that is 0 at `none` and 1 at `full`."""
     return smoothstep((value - none) / (full - none))
 
 
@@ -80,11 +80,11 @@ def clear_hands(
     world_rotations: AnyArray,
     frames: bool = False,
 ) -> Joints:
-    """Put the hands of a SPORT pose, any leading shape, onto the surface `body` of `mesh`.
+    """Move hands that sink into the surface `body` of `mesh` onto it, in a SPORT pose of any leading shape.
 
-    The wrist turns first, so that fingers that would sink in lie along the body; then shoulder and elbow take the hand
-    out. A pose whose hands are free comes back as it is. Where the poses are `frames` of a motion `(T, ...)`, a hand
-    that goes through the body keeps about the speed of the motion instead of jumping from one side to the other.
+    The wrist turns first, so that the fingers lie along the body; then shoulder and elbow move the hand out. Poses with
+    free hands are unchanged. With `frames`, poses are a motion `(T, ...)`, and a hand that passes through the body
+    keeps its speed instead of jumping from one side to the other.
     """
     if body is None:
         return positions, world_rotations
@@ -147,9 +147,9 @@ def _steps(wrists: AnyArray) -> AnyArray:
 
 
 def without_jumps(values: AnyArray, steps: AnyArray) -> AnyArray:
-    """Return values `(T, ..., n)` that differ by at most `steps` `(T, ...)` in the next frame.
+    """Limit the change of values `(T, ..., n)` between frames to `steps` `(T, ...)`.
 
-    The mean of what follows them as fast as it may, and of what does so backwards: a jump becomes a way about its middle.
+    The result is the mean of a forward and a backward pass, so that a jump becomes a ramp about its middle.
     """
     change = np.linalg.norm(np.diff(values, axis=0), axis=-1)
     if not np.any(change > steps[:-1]):
@@ -206,11 +206,11 @@ class _Seen:
 
     @property
     def free(self) -> bool:
-        """Return whether no hand is inside the body."""
+        """Return whether both hands are outside the body."""
         return not np.any(self._depth(self.hands)[0])
 
     def turns(self) -> AnyArray:
-        """Return the turns `(..., S, 4)` of hands in their wrists by which they lie along the body: out, and forward."""
+        """Return wrist rotations `(..., S, 4)` that lay the hands along the surface, outwards and forwards."""
         turns = np.zeros((*self.wrists.shape[:-1], 4))
         turns[..., 0] = 1.0
         left = MAX_WRIST_TURN_RAD * self.low
@@ -231,7 +231,7 @@ class _Seen:
         return turns
 
     def way_out(self, turns: AnyArray) -> AnyArray:
-        """Return the shifts `(..., S, 3)` of turned hands that bring all their points out of trunk and head."""
+        """Return shifts `(..., S, 3)` that bring all points of the turned hands out of trunk and head."""
         hands = rotations.rotate(turns[..., None, :], self.hands)
         way: AnyArray = np.zeros(self.wrists.shape, np.float64)
         for _ in range(ROUNDS):

@@ -22,7 +22,7 @@ def joint_map_path(character: str | Path) -> Path:
 
 
 def read_joint_map(path: str | Path) -> dict[str, str]:
-    """Read the JSON map of SPORT joint names to joint names of the user's character, "" for none of them."""
+    """Read a JSON map of SPORT joint names to joint names of the user's character ("" for no joint)."""
     path = Path(path)
     form = 'Expected {"LeftArm": "name in the file", ...}.'
     try:
@@ -43,7 +43,7 @@ def read_joint_map(path: str | Path) -> dict[str, str]:
 
 
 def save_joint_map(character: str | Path, joints: Mapping[str, str]) -> Path:
-    """Keep the map of a character file next to it; the path written. FileError where that cannot be done."""
+    """Save the joint map next to its character file and return the path written. Raises FileError."""
     path = joint_map_path(character)
     ordered = {name: joints[name] for name in SPORT_SKELETON.names if name in joints}
     write_atomic(path, json.dumps(ordered, indent=2, ensure_ascii=False) + "\n")
@@ -51,6 +51,6 @@ def save_joint_map(character: str | Path, joints: Mapping[str, str]) -> Path:
 
 
 def saved_joint_map(character: str | Path) -> dict[str, str]:
-    """Return the map next to a character file, empty where there is none; FileError when it is damaged."""
+    """Return the joint map next to a character file, empty if there is none; FileError if it is damaged."""
     path = joint_map_path(character)
     return read_joint_map(path) if path.is_file() else {}

@@ -70,13 +70,13 @@ def simple_name(name: str) -> str:
 
 
 def name_variants(name: str) -> set[str]:
-    """Return simple names of a joint name, whole and without what stands before each of its separators."""
+    """Return the simple forms of a joint name: the whole name, and the part after each separator."""
     cuts = [0, *(cut.end() for cut in re.finditer(r"[-_:|. ]", name))]
     return {simple_name(name[cut:]) for cut in cuts}
 
 
 def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
-    """Return the index into `names` of each SPORT joint, by the naming convention that recognises most, and that convention."""
+    """Return the index into `names` of each SPORT joint and the naming convention used, the one that matches most joints."""
     best: tuple[dict[str, int], str] = ({}, "")
     for bare in (tuple(map(simple_name, names)), tuple(map(simple_name, _without_prefix(names)))):
         index: dict[str, int] = {}
@@ -90,7 +90,7 @@ def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
 
 
 def match_centre(names: Sequence[str], found: Mapping[str, int]) -> dict[str, int]:
-    """Find hips and head as another convention calls them, where a file mixes two: "Pelvis" above "LeftUpLeg"."""
+    """Find hips and head named in another convention than the limbs, for files that mix two ("Pelvis" above "LeftUpLeg")."""
     free = {simple_name(name): k for k, name in enumerate(names) if k not in found.values()}
     matched = {}
     for joint in ("Hips", "Head"):
@@ -186,7 +186,7 @@ def _attach_to_limbs(found: Mapping[str, int], anchor: Indices, parents: Sequenc
 
 
 def canonical_axes(found: Mapping[str, int], position: Array) -> Array:
-    """Return the rotation `(3, 3)` in quarter turns that puts the character's left on +X and its head on +Y."""
+    """Return the rotation `(3, 3)` in quarter turns that brings the character's left to +X and its head to +Y."""
     left = position[found["LeftUpLeg"]] - position[found["RightUpLeg"]]
     up = position[found["Head"]] - position[found["Hips"]]
     rows = np.zeros((3, 3))

@@ -28,7 +28,7 @@ _SKINNED_AT_ONCE = 1 << 15  # vertices, whose blended matrices take 400 bytes ea
 
 @dataclass(frozen=True)
 class MeshData(Surface):
-    """The skinned primitives of a file over one list of joints; `humanoid` has the joints that a VRM names."""
+    """All skinned primitives of a file over one list of joints; `humanoid` holds the joints that a VRM names."""
 
     joint_nodes: tuple[int, ...]
     joint_parents: tuple[int, ...]  # -1 at roots
@@ -37,7 +37,7 @@ class MeshData(Surface):
     humanoid: dict[str, int]
 
     def rest_positions(self) -> AnyArray:
-        """Return vertices `(V, 3)` as the file shows them, skinned by the joints' rest transforms."""
+        """Return vertices `(V, 3)` as shown by the file, skinned by the joints' rest transforms."""
         matrices = (self.rest_world @ self.inverse_bind)[:, :3]
         result = np.empty((len(self.positions), 3))
         for first in range(0, len(result), _SKINNED_AT_ONCE):
@@ -60,7 +60,7 @@ class _Palette:
         self._read = 0
 
     def slots(self, skin: int) -> NDArray[np.int64]:
-        """Return the entry of each joint of a skin."""
+        """Return the palette entry of each joint of a skin."""
         if skin not in self._slots:
             joints, inverse = skin_joints(self._file, skin)
             self._read += len(joints)
@@ -70,7 +70,7 @@ class _Palette:
         return self._slots[skin]
 
     def parents(self, nodes: Nodes, carriers: list[int]) -> tuple[int, ...]:
-        """Return the entry of each joint's nearest ancestor that is itself a joint, -1 at roots."""
+        """Return the palette entry of each joint's nearest ancestor joint, -1 at roots."""
         above = (carriers[nodes.parents[node]] if nodes.parents[node] >= 0 else -1 for node in self.nodes)
         return tuple(self.first[joint] if joint >= 0 else -1 for joint in above)
 
@@ -120,7 +120,7 @@ class _Reader:
         self._counts = Counter[str]()
 
     def read(self, mesh: int, slots: NDArray[np.int64], rigid: AnyArray | None) -> list[Surface]:
-        """Return the triangles of a mesh whose joints are `slots`; for `rigid` see `_surface`."""
+        """Return the triangle surfaces of a mesh skinned to the joints `slots`; for `rigid` see `_surface`."""
         meshes = self._file.gltf.meshes or []
         if not 0 <= mesh < len(meshes):
             raise self._file.error(f"mesh {mesh} is missing.")
@@ -261,7 +261,7 @@ def _vrm_humanoid(file: GltfFile, joint_nodes: list[int]) -> dict[str, int]:
 
 
 def vrm_bones(file: GltfFile) -> dict[int, str]:
-    """Return the bone of a humanoid that a node is, as a VRM or VRM animation tells."""
+    """Return the humanoid bone name of each node that a VRM or VRM animation names."""
     extensions, bones = file.gltf.extensions or {}, dict[int, str]()
     for name in ("VRM", "VRMC_vrm", "VRMC_vrm_animation"):
         listed = (extensions.get(name) or {}).get("humanoid", {}).get("humanBones", {})

@@ -33,7 +33,7 @@ _START = "import sys; sys.path.insert(0, sys.argv[1]); from runtime.character im
 
 
 def decode(kind: str, path: Path, facts: Any, data: bytes, remedy: str) -> bytes:
-    """Decode `data` by the worker of a kind (`native_worker`); FileError names `path`."""
+    """Decode `data` in a worker process of the given kind (`native_worker`); FileError names `path`."""
     module, package, what = PACKAGES[kind]
     if importlib.util.find_spec(module) is None:
         raise FileError(
@@ -47,7 +47,7 @@ def decode(kind: str, path: Path, facts: Any, data: bytes, remedy: str) -> bytes
 
 
 def fbx_as_glb(path: Path, motion: bool = False) -> bytes:
-    """Convert an FBX to GLB, with its `motion` where that is wanted; FileError says what is wrong, or how to get the library."""
+    """Convert an FBX to GLB, with its animations if `motion`; FileError says what is wrong, or how to install the library."""
     known = path.stat()
     facts = {"path": str(path.resolve()), "modified": known.st_mtime_ns, "size": known.st_size}
     return decode("fbx", path, facts | {"motion": motion}, b"", "Export it again as binary FBX, or as .glb.")

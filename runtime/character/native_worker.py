@@ -20,7 +20,7 @@ PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 
 
 def main(kind: str, folder: str, memory: str, cpu_s: str) -> None:
-    """Decode the file "in" of a folder into "out", by "facts.json"; the process ends with 0, or with 1 and what is wrong."""
+    """Decode the file "in" of a folder into "out", with the parameters of "facts.json"; exit with 0, or with 1 and an error message."""
     try:
         decode = DECODERS[kind]()
         facts = json.loads((Path(folder) / "facts.json").read_text(encoding="utf-8"))

@@ -13,7 +13,7 @@ from runtime.character.tree import JointTree, Tree
 
 
 class Nodes(Tree):
-    """The nodes of a file. FileError where they are no tree."""
+    """The node hierarchy of a glTF file. Raises FileError if it is not a tree."""
 
     def __init__(self, file: GltfFile) -> None:
         self.file = file
@@ -25,13 +25,13 @@ class Nodes(Tree):
 
     @cached_property
     def skinned(self) -> set[int]:
-        """The joints that skins name; reading the skins says of others that they are not there."""
+        """The existing joints that skins name; missing ones are reported when the skins are read."""
         every = range(len(self.parents))
         return {joint for skin in self.file.gltf.skins or [] for joint in skin.joints or [] if joint in every}
 
     @cached_property
     def rest(self) -> AnyArray:
-        """World matrices `(nodes, 4, 4)`, float64, of the nodes as they stand in the file."""
+        """World matrices `(nodes, 4, 4)`, float64, of the nodes at rest."""
         world, local = np.zeros((len(self.parents), 4, 4)), local_matrices(self.file)
         for i in self.order:
             world[i] = local[i] if self.parents[i] < 0 else world[self.parents[i]] @ local[i]
@@ -41,7 +41,7 @@ class Nodes(Tree):
 
     @property
     def skeleton(self) -> set[int]:
-        """The joints of skins, the nodes that move, and what lies between; without the roots above them."""
+        """The joints of skins, the animated nodes and those between them, without the roots above."""
         animations = self.file.gltf.animations
         wanted = {node for skin in self.file.gltf.skins or [] for node in skin.joints}
         wanted |= {channel.target.node for animation in animations for channel in animation.channels}
@@ -52,7 +52,7 @@ class Nodes(Tree):
         return wanted
 
     def joint_tree(self, branch: list[int]) -> JointTree:
-        """Return some nodes as joints where they stand; those whose parents are not among them are roots."""
+        """Return the nodes of `branch` as joints at rest; a node whose parent is not in the branch becomes a root."""
         place = {node: k for k, node in enumerate(branch)}
         return JointTree([place.get(self.parents[node], -1) for node in branch], self.rest[branch, :3, 3])
 

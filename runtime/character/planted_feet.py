@@ -38,9 +38,9 @@ TOES_UP_FRACTION = 0.1  # sine of the pitch from which a foot rolls over its hee
 
 @dataclass(frozen=True)
 class Soles:
-    """Both feet of a character in its aligned rest pose, left before right; lengths in our metres, about the ankles.
+    """Both feet of a character in its aligned rest pose, left first; lengths in metres, relative to the ankles.
 
-    `heel` and `ball` are its points less those of ours.
+    `heel` and `ball` are offsets from the same points of the SPORT feet.
     """
 
     joints: NDArray[np.int64]  # (2, 3) of the character: upper leg, lower leg, foot
@@ -101,9 +101,9 @@ def _outline(points: AnyArray) -> AnyArray:
 def plant_feet(
     mesh: SkinnedMesh, soles: Soles, positions: AnyArray, world_rotations: AnyArray, contacts: AnyArray
 ) -> tuple[AnyArray, AnyArray]:
-    """Bend the legs of a SPORT pose, any leading shape, so that they put this character's feet down.
+    """Bend the legs of a SPORT pose, any leading shape, so that this character's feet stand on the ground.
 
-    `contacts` `(..., 4)` as those of a pose. Positions stay, for they are those of the motion.
+    `contacts` `(..., 4)` are those of a pose. Returns the unchanged positions and the new world rotations.
     """
     upper, lower, foot, toe = (list(joints) for joints in zip(*LEGS, strict=True))
     world = np.array(world_rotations, np.float64)

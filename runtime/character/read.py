@@ -36,9 +36,9 @@ STRUCTURE_ERRORS = (
 
 
 class Entry(dict[str, Any]):
-    """A JSON object of the document; fields that it lacks are None.
+    """A JSON object of the document; missing fields read as None.
 
-    A document of thousands of nodes is read so in milliseconds; decoding it into a class for each kind takes seconds.
+    It parses a document of thousands of nodes in milliseconds, where one class per glTF type takes seconds.
     """
 
     def __getattr__(self, field: str) -> Any:
@@ -47,7 +47,7 @@ class Entry(dict[str, Any]):
 
 @dataclass(frozen=True)
 class GltfFile:
-    """A parsed glTF and its buffers."""
+    """A parsed glTF document with its buffers."""
 
     path: Path
     gltf: Entry
@@ -58,7 +58,7 @@ class GltfFile:
         return FileError(f"{self.path}: {problem}", remedy)
 
     def view_bytes(self, index: Any, what: str) -> memoryview:
-        """Return the bytes of a buffer view; `what` stands in error messages."""
+        """Return the bytes of a buffer view; `what` names it in error messages."""
         views = self.gltf.bufferViews or []
         if not isinstance(index, int) or not 0 <= index < len(views):
             raise self.error(f"the buffer view of {what} is missing.")
@@ -79,7 +79,7 @@ class GltfFile:
         return count if isinstance(count, int) and count > 0 else 0
 
     def values(self, index: Any, what: str) -> AnyArray:
-        """Read the values `(count, width)` of an accessor, normalised integers as float32; `what` is for error messages."""
+        """Read the values `(count, width)` of an accessor; normalised integers become float32; `what` names it in error messages."""
         accessor = self._accessor(index)
         if accessor is None:
             raise self.error(f"the accessor for {what} is missing.")
@@ -98,7 +98,10 @@ class GltfFile:
 
 
 def open_gltf(path: Path, motion: bool = False) -> GltfFile:
-    """Read a .glb, .gltf or .fbx with its buffers, unpacked; `motion`: with the animation of an FBX. FileError when it is missing, too large or damaged."""
+    """Read a .glb, .gltf or .fbx with its buffers, decompressed; `motion` includes the animations of an FBX.
+
+    Raises FileError if it is missing, too large or damaged.
+    """
     data = _read(path)
     if data.startswith(HEADS):
         data = fbx_as_glb(path, motion)
@@ -182,7 +185,7 @@ def _buffer(path: Path, buffer: Entry, number: int, blob: memoryview) -> memoryv
 
 
 def read_uri(path: Path, uri: Any, what: str) -> bytes:
-    """Return bytes that `path` refers to: embedded as base64, or a file next to it; FileError otherwise."""
+    """Return the bytes at a URI in the file `path`: embedded base64, or a file next to it. FileError otherwise."""
     if not isinstance(uri, str):
         raise FileError(f"{path}: the address of a {what} is damaged.", REMEDY)
     if not uri.startswith("data:"):

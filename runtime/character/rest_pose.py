@@ -21,10 +21,10 @@ Pose = dict[int, AnyArray]  # matrices (4, 4) of joints in the world, by node
 
 
 def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
-    """Return transforms `(joints, 4, 4)` at rest: the bind pose where skins tell it, else the nodes as they stand.
+    """Return rest transforms `(joints, 4, 4)`: the bind pose where skins define it, else the nodes' own transforms.
 
-    Each skin tells it in a space of its own (`_space`). What no skin tells lies to the joint above it, or below, as the
-    nodes do. FileError where bones of a skin and of the nodes differ in length.
+    Skins may define it in different spaces (`_space`). Joints without a skin keep their transform relative to the next
+    joint. Raises FileError if bone lengths of a skin and of the nodes differ.
     """
     rest = nodes.rest
     # from where a node stands to where it was bound

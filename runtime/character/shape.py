@@ -22,7 +22,7 @@ GIRTH_GROWTH_FACTOR = 0.5  # power of a limb's length that its thickness grows b
 
 @dataclass(frozen=True)
 class BodyShape:
-    """Shares of the mannequin's own measures."""
+    """Proportions of the mannequin, as factors of its default measures."""
 
     height: float = 1.0  # of all of it
     legs: float = 1.0  # their length
@@ -31,7 +31,7 @@ class BodyShape:
     head: float = 1.0
 
     def check(self) -> None:
-        """Check the shares; UsageError names the one that no body has."""
+        """Raise UsageError for a factor out of range."""
         for name, value in vars(self).items():
             if not MIN_FACTOR <= value <= MAX_FACTOR:
                 problem = f" {value:g}: expected {MIN_FACTOR:g} to {MAX_FACTOR:g} of the {name}."
@@ -39,10 +39,7 @@ class BodyShape:
 
 
 def shaped(character: Character, shape: BodyShape) -> Character:
-    """Return the mannequin, a character on exactly our skeleton, in another shape; it has its own size. UsageError.
-
-    Limbs grow about their joints along their bones, and thicker by less.
-    """
+    """Return the mannequin with other proportions; limbs grow along their bones, and less in thickness. Raises UsageError."""
     shape.check()
     if shape == BodyShape():
         return character
@@ -77,7 +74,7 @@ def shaped(character: Character, shape: BodyShape) -> Character:
 
 
 def shaped_file(shape: BodyShape, folder: Path) -> Path:
-    """Return the mannequin in a shape as a GLB file in `folder`: a character as any other. UsageError, FileError."""
+    """Write the mannequin with other proportions as a GLB in `folder` and return its path. Raises UsageError, FileError."""
     shares = "-".join(f"{100 * value:.0f}" for value in (shape.height, shape.legs, shape.shoulders))
     path = folder / f"mannequin-{shares}.glb"
     if not path.exists():

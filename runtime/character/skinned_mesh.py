@@ -15,7 +15,7 @@ from runtime.skeleton import SPORT_SKELETON
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles in their bind pose, with the joints that carry each vertex; colours are linear RGB."""
+    """Triangles in the bind pose with the joints and weights of each vertex; colours are linear RGB."""
 
     positions: AnyArray  # (V, 3) float32
     normals: AnyArray  # (V, 3) float32, unit
@@ -27,9 +27,9 @@ class Surface:
 
 @dataclass(frozen=True)
 class SkinnedMesh(Surface):
-    """A surface and the joints that carry it, driven by the SPORT skeleton.
+    """A surface with its joints, driven by the SPORT skeleton.
 
-    `sport_joints` `(K,)` is the SPORT joint that drives each joint, -1 where it follows its parent rigidly.
+    `sport_joints` `(K,)` is the SPORT joint that drives each joint, -1 if the joint follows its parent rigidly.
     """
 
     joint_names: tuple[str, ...]
@@ -41,7 +41,7 @@ class SkinnedMesh(Surface):
     size: float = 1.0  # metres of a metre of ours in its own size; drawn in ours, see `Terrain.seen_by`
 
     def joint_transforms(self, positions: AnyArray, world_rotations: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Return pivots `(..., K, 3)` and turns from rest `(..., K, 4)` of the character's joints in a SPORT pose.
+        """Return pivots `(..., K, 3)` and rotations from rest `(..., K, 4)` of the character's joints in a SPORT pose.
 
         `positions` `(..., 31, 3)` and `world_rotations` `(..., 31, 4)` are the pose's joints, any leading shape.
         """
@@ -80,7 +80,7 @@ class SkinnedMesh(Surface):
 
     @cached_property
     def rest(self) -> tuple[AnyArray, AnyArray]:
-        """Vertices `(V, 3)` and pivots `(K, 3)` in our rest pose."""
+        """Vertices `(V, 3)` and pivots `(K, 3)` in the SPORT rest pose."""
         still = rotations.identity((len(SPORT_SKELETON),)).astype(np.float64)
         rest = SPORT_SKELETON.rest_positions.astype(np.float64)
         vertices = skin_vertices(self, self.joint_matrices(rest, still) @ self.inverse_bind)

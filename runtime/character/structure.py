@@ -40,9 +40,9 @@ Arms = tuple[list[int], list[int]]  # the joints of each, from the chest out
 
 
 def guess_by_structure(tree: JointTree, vertices: AnyArray) -> dict[str, int]:
-    """Guess the index of each SPORT joint by tree and rest pose; empty where no upright body with two legs and arms is seen.
+    """Guess the index of each SPORT joint from hierarchy and rest pose; empty unless an upright body with two legs and arms is found.
 
-    `vertices` `(V, 3)` are the mesh in that pose. Sides go by where the feet point.
+    `vertices` `(V, 3)` are the mesh in that pose. Left and right follow from the direction of the feet.
     """
     forks = _leg_forks(tree)
     if len(forks) != 1:

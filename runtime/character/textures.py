@@ -28,7 +28,7 @@ REMEDY = "Export textures as PNG or JPEG."
 
 
 def texture_source(texture: Any) -> Any:
-    """Return the number of a texture's image: its own, or that of an extension for WebP or KTX2; None without one."""
+    """Return the index of a texture's image, its own or that of a WebP or KTX2 extension; None without an image."""
     if texture.source is not None:
         return texture.source
     named = texture.extensions or {}
@@ -43,9 +43,9 @@ def image_bytes(file: GltfFile, image: Any, what: str) -> bytes:
 
 
 def open_image(data: bytes, file: GltfFile, what: str) -> Image:
-    """Open an image of the four kinds, not decoded but for KTX2; FileError for others, or for one that is too large.
+    """Open a PNG, JPEG, WebP or KTX2 image; only KTX2 is decoded here. Raises FileError for other or too large images.
 
-    What Pillow raises for a damaged one is left to the caller.
+    Errors of Pillow for damaged images are left to the caller.
     """
     from PIL import Image
 
@@ -76,7 +76,7 @@ def _ktx2(data: bytes, file: GltfFile, what: str) -> Image:
 
 
 def primitive_colors(file: GltfFile, textures: Textures, primitive: Entry, what: str, count: int) -> AnyArray:
-    """Return linear RGB `(count, 3)` of a primitive's vertices."""
+    """Return the linear RGB colours `(count, 3)` of a primitive's vertices."""
     surface = _surface(file, primitive, what)
     color = np.ones((count, 3), np.float32)
     if surface.baseColorFactor is not None:
@@ -129,7 +129,7 @@ def srgb(linear: AnyArray) -> AnyArray:
 
 
 class Textures:
-    """The images of a file, each decoded once, and no more pixels than images of their bytes have."""
+    """The images of a file, each decoded once, with a bound on their pixels."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file

@@ -11,7 +11,7 @@ from runtime.arrays import AnyArray
 
 
 def ancestors(parents: Sequence[int], node: int) -> list[int]:
-    """Return a node and those above it, the root last; the parent of a root is -1."""
+    """Return a node and its ancestors, the root last; the parent of a root is -1."""
     found = [node]
     while parents[found[-1]] >= 0:
         found.append(parents[found[-1]])
@@ -38,18 +38,18 @@ class Tree:
         return order
 
     def under(self, top: int) -> list[int]:
-        """Return a node and all below it, parents first."""
+        """Return a node and all its descendants, parents first."""
         found = [top]
         for node in found:  # which grows meanwhile
             found.extend(self.children[node])
         return found
 
     def ancestors(self, node: int) -> list[int]:
-        """Return a node and those above it, the root last."""
+        """Return a node and its ancestors, the root last."""
         return ancestors(self.parents, node)
 
     def with_ancestors(self, nodes: Collection[int]) -> list[int]:
-        """Return some nodes and all above them, parents first."""
+        """Return the given nodes and all their ancestors, parents first."""
         wanted = set(nodes)
         for node in reversed(self.order):
             if node in wanted:
@@ -57,7 +57,7 @@ class Tree:
         return [node for node in self.order if node in wanted]
 
     def nearest(self, wanted: Container[int]) -> list[int]:
-        """Return, for each node, the nearest of the `wanted` ones among itself and its ancestors, -1 where there is none."""
+        """Return, for each node, the nearest of the `wanted` nodes among itself and its ancestors, or -1."""
         nearest = [-1] * len(self.parents)
         for node in self.order:
             parent = self.parents[node]
@@ -65,7 +65,7 @@ class Tree:
         return nearest
 
     def counts(self, nodes: Collection[int]) -> list[int]:
-        """Return, for each node, how many of some nodes are in its branch."""
+        """Return, for each node, how many of the given nodes are in its subtree."""
         below = [int(node in nodes) for node in range(len(self.parents))]
         for node in reversed(self.order):
             if self.parents[node] >= 0:
@@ -82,12 +82,12 @@ class JointTree(Tree):
 
     @cached_property
     def ends(self) -> list[int]:
-        """Joints that carry no other."""
+        """The joints without children."""
         return [joint for joint, children in enumerate(self.children) if not children]
 
     @cached_property
     def heights(self) -> list[int]:
-        """The number of joints on the longest way down from each joint."""
+        """The number of joints on the longest path down from each joint."""
         below = [0] * len(self.parents)
         for joint in reversed(self.order):
             below[joint] = max((below[child] + 1 for child in self.children[joint]), default=0)
@@ -95,12 +95,12 @@ class JointTree(Tree):
 
     @cached_property
     def floor(self) -> float:
-        """Height of the lowest joint."""
+        """Height of the lowest joint, in the unit of the positions."""
         return float(self.positions[:, 1].min())
 
     @cached_property
     def size(self) -> float:
-        """Height of the joints, from the lowest to the highest one."""
+        """Height from the lowest to the highest joint, in the unit of the positions."""
         return max(float(np.ptp(self.positions[:, 1])), 1e-9)
 
     def chain(self, top: int, tip: int) -> list[int]:
@@ -109,15 +109,15 @@ class JointTree(Tree):
         return above[above.index(top) :: -1]
 
     def ends_under(self, top: int) -> list[int]:
-        """Return the joints of a branch that carry no other."""
+        """Return the joints without children in the subtree of `top`."""
         return [joint for joint in self.under(top) if not self.children[joint]]
 
     def lowest(self, top: int) -> int:
-        """Return the lowest end of a branch."""
+        """Return the lowest leaf joint in the subtree of `top`."""
         return min(self.ends_under(top), key=lambda joint: float(self.positions[joint, 1]))
 
     def meeting(self, a: int, b: int) -> int:
-        """Return the lowest joint above both, -1 where they hang on different roots."""
+        """Return the lowest common ancestor of two joints, -1 if they have different roots."""
         above = set(self.ancestors(a))
         return next((joint for joint in self.ancestors(b) if joint in above), -1)
 
@@ -126,6 +126,6 @@ class JointTree(Tree):
         return float(np.linalg.norm(self.positions[a] - self.positions[b]))
 
     def along(self, chain: Sequence[int]) -> AnyArray:
-        """Return the distance of each joint of a chain from its first one, along the chain."""
+        """Return the distance of each joint of a chain from its first joint, measured along the bones."""
         steps = np.linalg.norm(np.diff(self.positions[list(chain)], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])

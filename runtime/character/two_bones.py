@@ -14,9 +14,9 @@ GIVES_WAY_M = 0.005  # pull on the middle joint of a limb that is straight
 def bend(
     top: AnyArray, middle: AnyArray, end: AnyArray, target: AnyArray, toward: AnyArray
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Return world rotations of both bones that bring the end of a limb to `target`, and where it comes to lie.
+    """Return world rotations of both bones that bring the end of a limb to `target`, and the position that the end reaches.
 
-    All `(..., 3)`. The limb stays in its plane; a straight one bends `toward`.
+    All inputs are `(..., 3)`. The limb stays in its plane; a straight limb bends `toward`.
     """
     a, b = np.linalg.norm(middle - top, axis=-1), np.linalg.norm(end - middle, axis=-1)
     length = np.linalg.norm(target - top, axis=-1)

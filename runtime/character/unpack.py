@@ -33,7 +33,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}  # numbers o
 
 
 def unpack(path: Path, gltf: Any, buffers: list[memoryview]) -> list[memoryview]:
-    """Unpack compressed meshes into buffers behind the others; the document names plain accessors then. FileError."""
+    """Decompress Draco and meshopt meshes into appended buffers and point the document's accessors at them. Raises FileError."""
     packed = {DRACO, *MESHOPT}
     if packed.isdisjoint(map(str, gltf.extensionsUsed or [])):
         return buffers

@@ -12,7 +12,7 @@ from runtime.character.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
 
 
 def write_character(path: str | Path, character: Character, name: str = "character") -> None:
-    """Write the character in its bind pose as a skinned GLB; FileError when the file cannot be written."""
+    """Write the character in its bind pose as a skinned GLB; FileError if the file cannot be written."""
     import pygltflib as g
 
     buffer = GlbBuffer(g.GLTF2(asset=g.Asset(version="2.0", generator="SPORT viewer")))

@@ -14,6 +14,9 @@ from typing import NamedTuple
 from runtime.edits.request import (
     ARM,
     FRAMES,
+    MIN_ADDED,
+    MIN_SEEN,
+    MIN_WEIGHT,
     PLACE,
     Swing,
     Target,
@@ -26,6 +29,7 @@ from runtime.edits.request import (
 )
 from runtime.measures.table import targets_of
 from runtime.scalar_math import (
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -55,6 +59,11 @@ MOST = tuple(row.most for row in targets_of("arm").values())  # degrees that are
 MAX_SWING_GAIN = 2.5
 MIN_SWING_M = 0.06  # metres: an arm that swings less has no rhythm of its own
 MIN_STRIDE_M = 0.15  # metres from end to end: a leg that swings less gives none
+# metres under the shoulder, below which an arm swings, wholly so much lower
+RAISED_HAND_M, LOWERED_HAND_M = 0.05, 0.1
+MAX_SWING_SINE = 0.95  # of an arm from straight down, forward and back
+# of the elbow's own axis, and of its place: they decide for a straight arm
+OWN_HINGE_WEIGHT, POLE_WEIGHT = 0.2, 0.02
 DEEPEST_BEND = radians(150.0)
 FAR_HAND_M = 0.15  # metres: a hand that comes from further has its elbow where the place has it
 # an elbow further from there than the first is turned there, over the second
@@ -64,6 +73,10 @@ WRIST_STRAIGHTENING_FRACTION = 0.7  # of the way to a straight wrist, at a place
 TRUNK_HALF_WIDTH_M, TRUNK_HALF_DEPTH_M = 0.165, 0.13
 TRUNK_BOTTOM_M, TRUNK_TOP_M = -0.12, 0.32  # metres from the hips up the trunk within which that holds
 SHOULDER_HEIGHT_M = 0.5  # metres up the trunk below which a palm lies on it
+TRUNK_EASE_M = 0.06  # metres over which it sets in from each of these heights
+MIN_TRUNK_RADIUS = 1e-3  # of its radii: a wrist nearer to the middle goes out to its own side
+# of the way out against the way ahead: behind, a palm does not lie on it
+MAX_BEHIND_COSINE, BEHIND_EASE_RATIO = 0.9, 0.3
 TOUCHING = 1.4, 1.8  # radii of the trunk within which a palm lies on it wholly, and beyond which it does not
 HEAD_MIDDLE: Vector = (0.0, 0.09, 0.02)  # metres from the joint of the head
 # metres from there within which a palm lies on it wholly, and beyond which it does not
@@ -78,14 +91,14 @@ _NOWHERE = (0.0,) * (len(FRAMES) * (1 + len(PLACE)))
 
 
 class Axes(NamedTuple):
-    """A joint that hands are placed by."""
+    """Position and rotation of a joint used as the reference frame for a hand."""
 
     at: Vector
     turned: Quaternion
 
 
 class ArmPose(NamedTuple):
-    """World rotations and positions of one arm, and the way that it goes round: 1 the left, -1 the right."""
+    """World rotations and positions of one arm; `sign` is 1 for the left arm, -1 for the right."""
 
     sign: float
     collar: Quaternion
@@ -98,7 +111,7 @@ class ArmPose(NamedTuple):
 
 
 class Body(NamedTuple):
-    """What an arm hangs on: the axes that it is placed by, and metres of the other side's ankle ahead of the hips."""
+    """The part of the body that an arm edit needs: frames for the hands, directions, and the stride (metres of the opposite ankle ahead)."""
 
     axes: tuple[Axes, ...]  # by `FRAMES`; of the first the rotation alone
     side: Vector  # towards the left
@@ -108,7 +121,7 @@ class Body(NamedTuple):
 
 @dataclass
 class ArmEdit:
-    """What was measured of the network's arm, and what is added to it."""
+    """State of one arm's edits: measured bend, spread and swing of the network's arm, and what is added to them."""
 
     bend: Swing = field(default_factory=Swing)  # degrees of the elbow
     out: Swing = field(default_factory=Swing)  # metres of the elbow outward of the shoulder
@@ -122,16 +135,21 @@ class ArmEdit:
 
     @property
     def active(self) -> bool:
-        """Whether anything is added."""
-        angles = abs(self.more_bend) > 1e-3 or abs(self.more_out) > 1e-3
-        return angles or abs(self.more_swing) > 1e-3 or abs(self.in_step) > 1e-4 or self._placed > 1e-4
+        """Whether the edit currently changes the arm."""
+        angles = abs(self.more_bend) > MIN_SEEN or abs(self.more_out) > MIN_SEEN
+        return (
+            angles
+            or abs(self.more_swing) > MIN_SEEN
+            or abs(self.in_step) > MIN_ADDED
+            or self._placed > MIN_ADDED
+        )
 
     @property
     def _placed(self) -> float:
         return sum(self.places[:: 1 + len(PLACE)])
 
     def apply(self, arm: ArmPose, body: Body, targets: Targets) -> ArmPose | None:
-        """The arm as it is asked for; None where nothing is asked of it or added to it."""
+        """Return the edited arm, or None if nothing is requested and nothing is added."""
         if not self.active and not asks(targets):
             if self.bend.known > 0.0:
                 vars(self).update(vars(ArmEdit()))  # what is asked for later is measured anew
@@ -169,10 +187,10 @@ class ArmEdit:
             first, now = _SHOULDER + frame * len(PLACE), frame * (1 + len(PLACE))
             weight, *place = self.places[now : now + 1 + len(PLACE)]
             wanted = targets[first][0]
-            if wanted > 1e-6:
+            if wanted > MIN_WEIGHT:
                 goal = [least_of(target) for target in targets[first : first + len(PLACE)]]
                 moved = [followed(a, b, ADDED_HALF_LIFE_S) for a, b in zip(place, goal, strict=True)]
-                place = goal if weight < 1e-3 else moved
+                place = goal if weight < MIN_SEEN else moved
             places += [followed(weight, wanted, ADDED_HALF_LIFE_S), *place]
         self.places = tuple(places) if any(places[:: 1 + len(PLACE)]) else _NOWHERE
 
@@ -190,9 +208,11 @@ class ArmEdit:
             self.more_swing * (ahead - self.swing.middle)
             + self.in_step * (body.stride - self.stride.middle) / step
         )
-        radius = max(hypot(ahead, down), 1e-3)
-        weight *= smoothstep((down - 0.05) / 0.1)  # a raised arm swings otherwise
-        angle = asin(limited((ahead + more) / radius, 0.95)) - asin(limited(ahead / radius, 0.95))
+        radius = max(hypot(ahead, down), MIN_SEEN)
+        weight *= smoothstep((down - RAISED_HAND_M) / LOWERED_HAND_M)
+        angle = asin(limited((ahead + more) / radius, MAX_SWING_SINE)) - asin(
+            limited(ahead / radius, MAX_SWING_SINE)
+        )
         return _turned(arm, from_vector(scale(body.side, -weight * angle)))
 
     def _put(self, arm: ArmPose, body: Body, placed: float) -> ArmPose:
@@ -207,7 +227,7 @@ class ArmEdit:
                 continue
             at = arm.shoulder if frame == 0 else axes.at
             away = subtract(add(at, rotate(axes.turned, (arm.sign * x, y, z))), arm.wrist)
-            share = weight / total * max(1.0 - near / max(length(away), 1e-6), 0.0)
+            share = weight / total * max(1.0 - near / max(length(away), MIN_SIZE), 0.0)
             moved = add(moved, scale(away, share))
             # an elbow points by the trunk, and by the way that the body faces where the hand does
             points = body.axes[0 if frame == 0 else 2].turned
@@ -247,7 +267,7 @@ def _hinge(arm: ArmPose) -> Vector:
     """The axis about which the elbow bends: the way that it bends, and of a straight arm its own."""
     upper, lower = unit(subtract(arm.elbow, arm.shoulder)), unit(subtract(arm.wrist, arm.elbow))
     own = rotate(arm.upper, (0.0, -arm.sign, 0.0))
-    return unit(add(cross(upper, lower), scale(own, 0.2)))
+    return unit(add(cross(upper, lower), scale(own, OWN_HINGE_WEIGHT)))
 
 
 def _bent(arm: ArmPose, more: float) -> ArmPose:
@@ -267,7 +287,7 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
     swing = between(before, axis)
     own = rotate(swing, perpendicular(subtract(arm.elbow, arm.shoulder), before))
     wanted = unit(perpendicular(pole, axis))
-    own = unit(add(own, scale(wanted, 0.02)))  # a straight arm bends as the place has it
+    own = unit(add(own, scale(wanted, POLE_WEIGHT)))  # a straight arm bends as the place has it
     angle = atan2(dot(cross(own, wanted), axis), dot(own, wanted))
     turns = placed * max(far, smoothstep((abs(angle) - TURNED) / TURNS))
     bend = rotate(from_vector(scale(axis, turns * angle)), own)
@@ -304,7 +324,7 @@ class _Trunk(NamedTuple):
 
     @property
     def radii(self) -> float:
-        """How far from the middle it is, 1 on the surface."""
+        """Distance from the trunk's axis, in radii of its ellipse: 1 on the surface."""
         return hypot(self.x / TRUNK_HALF_WIDTH_M, self.z / TRUNK_HALF_DEPTH_M)
 
 
@@ -320,12 +340,14 @@ def _by_trunk(wrist: Vector, body: Body) -> _Trunk:
 def _out_of_trunk(wrist: Vector, sign: float, body: Body) -> Vector:
     """The way out of the trunk, of a wrist inside it; nothing for one outside."""
     trunk = _by_trunk(wrist, body)
-    level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / 0.06) * smoothstep((TRUNK_TOP_M - trunk.high) / 0.06)
+    level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / TRUNK_EASE_M) * smoothstep(
+        (TRUNK_TOP_M - trunk.high) / TRUNK_EASE_M
+    )
     x, z, deep = trunk.x, trunk.z, trunk.radii
     if level <= 0.0 or deep >= 1.0:
         return (0.0, 0.0, 0.0)
-    if deep < 1e-3:
-        x, deep = sign * 1e-3 * TRUNK_HALF_WIDTH_M, 1e-3
+    if deep < MIN_TRUNK_RADIUS:
+        x, deep = sign * MIN_TRUNK_RADIUS * TRUNK_HALF_WIDTH_M, MIN_TRUNK_RADIUS
     out = level * (1.0 / deep - 1.0)
     return add(scale(trunk.side, out * x), scale(trunk.ahead, out * z))
 
@@ -339,8 +361,8 @@ def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
     if on_head > 0.0:
         return on_head, unit(from_head), rotate(head.turned, (-arm.sign, 0.0, 0.0))
     trunk = _by_trunk(arm.wrist, body)
-    level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / 0.06) * smoothstep(
-        (SHOULDER_HEIGHT_M - trunk.high) / 0.06
+    level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / TRUNK_EASE_M) * smoothstep(
+        (SHOULDER_HEIGHT_M - trunk.high) / TRUNK_EASE_M
     )
     near = smoothstep((TOUCHING[1] - trunk.radii) / (TOUCHING[1] - TOUCHING[0]))
     out = unit(
@@ -350,7 +372,7 @@ def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
         )
     )
     # behind the back it is the back of a hand that lies there
-    before = smoothstep((dot(out, trunk.ahead) + 0.9) / 0.3)
+    before = smoothstep((dot(out, trunk.ahead) + MAX_BEHIND_COSINE) / BEHIND_EASE_RATIO)
     return level * near * before, out, subtract(trunk.ahead, (0.0, 0.5, 0.0))
 
 
@@ -382,7 +404,7 @@ def _about_bone(angle: float) -> Quaternion:
 def _shortened(q: Quaternion, most: float) -> Quaternion:
     """A rotation of at most so many radians."""
     vector = to_vector(q)
-    return from_vector(scale(vector, min(1.0, most / max(length(vector), 1e-6))))
+    return from_vector(scale(vector, min(1.0, most / max(length(vector), MIN_SIZE))))
 
 
 def _towards(a: Quaternion, b: Quaternion, weight: float) -> Quaternion:

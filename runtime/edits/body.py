@@ -30,7 +30,7 @@ _OFFSETS: tuple[Vector, ...] = tuple((float(x), float(y), float(z)) for x, y, z 
 
 
 class EditedPose(NamedTuple):
-    """The pose for the foot lock: `hips` (3,), `local` (31, 4), `contacts` (4,), and where legs are to stand; None: as they come."""
+    """The edited pose for the foot lock: `hips` (3,), `local` (31, 4), `contacts` (4,), and the edited `legs` or None."""
 
     hips: Array
     local: Array
@@ -38,7 +38,7 @@ class EditedPose(NamedTuple):
     legs: tuple[LegPose, LegPose] | None = None
 
     def moved(self, by: Vector) -> EditedPose:
-        """The pose with its hips moved by metres over feet that stay; they rise so that legs which carry them bend no more."""
+        """Return the pose with its hips shifted by `by` (metres) and its feet in place; the hips rise if the legs would bend more."""
         east, up, south = by
         x, y, z = (float(v) for v in self.hips)
         rotations = np.asarray(self.local, np.float64).tolist()
@@ -52,7 +52,7 @@ class EditedPose(NamedTuple):
 
 @dataclass
 class BodyEdits:
-    """The edits of one character, `apply`d once per simulated frame, in order."""
+    """The body edits of one character; call `apply` once per simulated frame, in order."""
 
     legs: LegEdit = field(default_factory=LegEdit)
     trunk: TrunkEdit = field(default_factory=TrunkEdit)
@@ -60,11 +60,11 @@ class BodyEdits:
 
     @property
     def active(self) -> bool:
-        """Whether anything is added."""
+        """Whether any edit currently changes the pose."""
         return self.legs.active or self.trunk.active or any(arm.active for arm in self.arms)
 
     def apply(self, hips: Array, local: Array, contacts: Array, request: EditRequest) -> EditedPose:
-        """The pose with what its words ask for and it lacks; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
+        """Return the pose with what its prompt asks for added; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
         x, y, z = (float(v) for v in hips)
         rotations, chances = np.asarray(local, np.float64).tolist(), np.asarray(contacts, np.float64).tolist()
         targets = request.targets
@@ -102,7 +102,7 @@ class BodyEdits:
         return result
 
     def reset(self) -> None:
-        """Forget all: what is shown is no walk."""
+        """Reset all measurements and edits, when the shown motion is not a walk."""
         vars(self).update(vars(BodyEdits()))
 
 

@@ -13,6 +13,8 @@ from math import acos, asin, atan2, cos, degrees, dist, hypot, pi, radians, sin,
 from runtime.edits.line import FootLine
 from runtime.edits.request import (
     LEG,
+    MIN_SEEN,
+    MIN_WEIGHT,
     MOST_OF_LEG,
     EditRequest,
     Target,
@@ -24,7 +26,19 @@ from runtime.edits.request import (
     range_of,
 )
 from runtime.feet.leg import LegPose
-from runtime.scalar_math import Quaternion, Vector, add, decay, dot, length, multiply, rotate, scale, subtract
+from runtime.scalar_math import (
+    MIN_SIZE,
+    Quaternion,
+    Vector,
+    add,
+    decay,
+    dot,
+    length,
+    multiply,
+    rotate,
+    scale,
+    subtract,
+)
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
 OUTWARD, LOWER, PITCH, TOE_OUT, KNEE, LIFT = range(len(LEG))
@@ -42,6 +56,8 @@ HEEL_SINK_M_PER_RAD = 0.045  # and that they sink per radian of raised toes
 ROLLED_FOOT_DEGREES = 8.0  # degrees of a raised heel from which it does not stand
 SIDESTEP_HALF_LIFE_S, MAX_SIDESTEP_M = 0.06, 0.24  # seconds, metres that a straight leg swings outward
 MAX_TOE_UP_RAD = 0.7  # radians that its foot is turned up so that the toe clears the ground
+MAX_KNEE_DEGREES = 90.0  # of a bend that is asked for: more counts as this
+MIN_SQUARED_RISE = 0.04  # m2: hips stay 0.2 m over an ankle, however far aside it goes
 STANDING_BEND_RAD = radians(10.0)  # of a straight leg that stands: it carries the hips as high as it can
 BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
 SWING_CLEARANCE_M = 0.03  # metres over its resting height that a straight leg swings
@@ -53,7 +69,7 @@ _FROM_HEEL: Vector = (0.0, ANKLE_HEIGHT, 0.05)  # metres from the heel to the an
 
 @dataclass
 class LegEdit:
-    """What was measured of the network's legs of a character, and the edits in force."""
+    """State of the leg edits of one character: measurements of the network's legs, and the edits in force."""
 
     across: float = 0.0  # m of the left ankle from the right one across the way, times `known`
     middle: float = 0.0  # m of both ankles to the left of the hips, times `known`
@@ -72,21 +88,21 @@ class LegEdit:
 
     @property
     def active(self) -> bool:
-        """Whether anything is added."""
+        """Whether the edit currently changes a leg."""
         return any(self.left) or any(self.right)
 
     @property
     def lowered(self) -> float:
-        """Metres that the hips are lower than in a neutral walk."""
+        """How far (metres) the hips are below those of a neutral walk."""
         return UPRIGHT_HIPS_M - self.height
 
     def apply(
         self, height: float, legs: tuple[LegPose, LegPose], chances: list[float], request: EditRequest
     ) -> tuple[float, list[LegPose]]:
-        """Metres that the hips go up, and the legs with hips, toes, ankles and feet where they are to be; knees follow later.
+        """Return how far the hips rise (metres), and both legs edited except for their knees, which are solved later.
 
-        `height` of the hips, `chances` of contact (left heel, left toe, right heel, right toe), which lose those of
-        heels that are raised.
+        `height` is that of the hips. `chances` are contact probabilities (left heel, left toe, right heel, right toe);
+        those of raised heels are lowered in place.
         """
         bears = (max(chances[0], chances[1]), max(chances[2], chances[3]))
         self._measure(height - request.ground, legs, bears, request)
@@ -95,7 +111,7 @@ class LegEdit:
         side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
         pitches = [radians(each[PITCH]) for each in added]
         lower = self.left[LOWER]
-        up = -lower if lower > 1e-3 else TIPTOE_RISE_M_PER_RAD * max(min(pitches), 0.0)
+        up = -lower if lower > MIN_SEEN else TIPTOE_RISE_M_PER_RAD * max(min(pitches), 0.0)
         up += HEEL_SINK_M_PER_RAD * min(max(pitches), 0.0)
         feet = [
             _low(_foot(leg, sign, each), each[LIFT], request.ground) if each[LIFT] else _foot(leg, sign, each)
@@ -176,7 +192,7 @@ class LegEdit:
             )
 
     def _missing(self, targets: Targets, leg: int, middle: float) -> list[float]:
-        beside = (0.5 * self.across + (-middle if leg else middle)) / max(self.known, 1e-6)
+        beside = (0.5 * self.across + (-middle if leg else middle)) / max(self.known, MIN_WEIGHT)
         shown = (beside, self.lowered, self.pitch[leg], self.yaw[leg], 0.0, 0.0)
         wanted = [
             limited(lacking(target, has), most)
@@ -188,7 +204,7 @@ class LegEdit:
         stiffens = limited(max(bend - most, 0.0) / STIFFENING_DEGREES, 1.0)
         wanted[KNEE] = targets[KNEE][0] * limited(most, MOST_OF_LEG[KNEE]) * stiffens
         lift, has = range_of(targets[LIFT])[1], self.lift[leg]
-        wanted[LIFT] = targets[LIFT][0] * max(1.0 - lift / max(has, 1e-3), 0.0)
+        wanted[LIFT] = targets[LIFT][0] * max(1.0 - lift / max(has, MIN_SEEN), 0.0)
         return wanted
 
     def _rise(
@@ -205,7 +221,8 @@ class LegEdit:
             hip = (foot.hip[0], foot.hip[1] + up, foot.hip[2])
             was, now = subtract(hip, foot.ankle), subtract(hip, ankle)
             height = sqrt(
-                max(dot(was, was), least * least) - min(now[0] ** 2 + now[2] ** 2, dot(was, was) - 0.04)
+                max(dot(was, was), least * least)
+                - min(now[0] ** 2 + now[2] ** 2, dot(was, was) - MIN_SQUARED_RISE)
             )
             total, rise = total + weight, rise + weight * (height - now[1])
         rise = min(max(rise / max(total, 0.5), -MAX_RISE_M), MAX_RISE_M)
@@ -266,7 +283,7 @@ def _straight(leg: LegPose, added: float, asked: Target) -> tuple[float, float]:
     """
     if added <= 0.0:
         return 0.0, 0.0
-    most = radians(min(range_of(asked)[1], 90.0))
+    most = radians(min(range_of(asked)[1], MAX_KNEE_DEGREES))
     thigh, shin, reach = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee), dist(leg.ankle, leg.hip)
     stands, swings = (
         sqrt(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(bend))
@@ -285,7 +302,7 @@ def _straightened(
     """
     hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
     along = subtract(ankle, hip)
-    reach = max(length(along), 1e-6)
+    reach = max(length(along), MIN_SIZE)
     target = add(hip, scale(along, max(straight / reach, 1.0)))
     floor = request.ground + ANKLE_HEIGHT + SWING_CLEARANCE_M
     floor += min(bears, 1.0) * min(ankle[1] - floor, 0.0)  # what stands, stands

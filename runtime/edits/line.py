@@ -26,7 +26,7 @@ CENTRING_FRACTION, MAX_CENTRING_M = 0.5, 0.05  # of that, and metres, that a ste
 
 @dataclass
 class FootLine:
-    """Where the line of the feet of a character runs, and where its last steps went."""
+    """State of narrow steps: where the line of the feet runs, and where the last steps landed."""
 
     x: float = 0.0  # m, where the hips were in the last frame
     z: float = 0.0
@@ -39,7 +39,10 @@ class FootLine:
     def apply(
         self, hips: Vector, ankles: list[Vector], bears: tuple[float, float], request: EditRequest
     ) -> list[Vector]:
-        """The ankles on a line, if one is asked for; the middle of the hips, and how far a foot `bears`, 0 to 1."""
+        """Return the ankles moved onto a line, if a narrow walk is asked for.
+
+        `hips` is the middle of the hips, `bears` the load on each foot (0 to 1).
+        """
         by = narrow(request.targets)
         if not by:
             vars(self).update(vars(FootLine()))

@@ -36,12 +36,15 @@ PACED = len(LEG)  # the column of a leg's pace
 USUAL_OUTWARD_M, NARROW_OUTWARD_M = 0.05, 0.02
 MOST_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # that is added
 MAX_TARGET = 200.0  # degrees, metres of any target; of an open end
+MIN_WEIGHT = 1e-6  # of a target: less asks for nothing
+MIN_ADDED = 1e-4  # degrees, metres: what is taken back ends there
+MIN_SEEN = 1e-3  # degrees, metres, times: less is not seen
 Target = list[float]  # weight, and both ends of the range times that
 Targets = list[Target]  # of one part
 
 
 class EditRequest(NamedTuple):
-    """What the parts of a body are asked to show, and how the body goes."""
+    """What a prompt asks of each body part, and how the body moves in this frame."""
 
     targets: list[Targets]  # [part][target]
     yaw: float  # radians, the way that the body faces
@@ -51,29 +54,29 @@ class EditRequest(NamedTuple):
 
 
 def range_of(target: Target) -> tuple[float, float]:
-    """The lowest and the highest value that a target asks for; open at both ends where it asks for nothing."""
+    """Return the lowest and highest value that a target asks for; the widest range if it asks for nothing."""
     weight, low, high = target
-    return (low / weight, high / weight) if weight > 1e-6 else (-MAX_TARGET, MAX_TARGET)
+    return (low / weight, high / weight) if weight > MIN_WEIGHT else (-MAX_TARGET, MAX_TARGET)
 
 
 def least_of(target: Target) -> float:
-    """The lowest value that a target asks for; 0 where it asks for nothing."""
-    return target[1] / target[0] if target[0] > 1e-6 else 0.0
+    """Return the lowest value that a target asks for, or 0 if it asks for nothing."""
+    return target[1] / target[0] if target[0] > MIN_WEIGHT else 0.0
 
 
 def lacking(target: Target, shown: float) -> float:
-    """What is missing of a range by its weight: 0 within it."""
+    """Return how far `shown` is outside a target's range, times the target's weight; 0 within the range."""
     low, high = range_of(target)
     return target[0] * (max(low - shown, 0.0) + min(high - shown, 0.0))
 
 
 def asks(targets: Targets) -> bool:
-    """Whether any of the targets asks for anything."""
-    return any(target[0] > 1e-6 for target in targets)
+    """Return whether any of the targets asks for something."""
+    return any(target[0] > MIN_WEIGHT for target in targets)
 
 
 def narrow(targets: list[Targets]) -> float:
-    """How narrow a line the feet are asked to go on, of the targets of all parts: 0 where they go as wide as usual, to 1."""
+    """Return how narrow a track the leg targets ask for: 0 for the usual width, 1 for the narrowest."""
     found = []
     for leg in targets[:ROW_TRUNK]:
         outward = leg[OUTWARD]
@@ -87,26 +90,26 @@ def narrow(targets: list[Targets]) -> float:
 
 
 def followed(added: float, missing: float, half_life: float) -> float:
-    """What is added a frame later, on its way to what is missing; exactly 0 at the end of the way there."""
+    """Return the added amount one frame later, moving towards `missing`; exactly 0 once an edit has faded out."""
     now = added + (1.0 - decay(half_life)) * (missing - added)
-    return 0.0 if missing == 0.0 and abs(now) < 1e-4 else now
+    return 0.0 if missing == 0.0 and abs(now) < MIN_ADDED else now
 
 
 def limited(value: float, most: float) -> float:
-    """The value, no further from 0 than `most`."""
+    """Return the value clamped to ±`most`."""
     return min(max(value, -most), most)
 
 
 @dataclass(frozen=True)
 class Swing:
-    """Mean and range of what a part does, as they follow it."""
+    """Running mean and range of a periodic quantity."""
 
     mean: float = 0.0  # times `known`
     square: float = 0.0  # mean square of what is away from the mean, times `known`
     known: float = 0.0  # how well they are known, 0 to 1
 
     def observed(self, value: float, mean_half_life: float, range_half_life: float) -> Swing:
-        """The same with another frame's value taken in."""
+        """Return the swing updated with the value of one more frame; the half-lives are in seconds."""
         follow = 1.0 - decay(mean_half_life)
         mean, known = self.mean + follow * (value - self.mean), self.known + follow * (1.0 - self.known)
         away = value - mean / known
@@ -114,28 +117,31 @@ class Swing:
 
     @property
     def middle(self) -> float:
-        """The mean."""
+        """The running mean."""
         return self.mean / self.known if self.known > 0.0 else 0.0
 
     @property
     def range(self) -> float:
-        """From end to end of a swing."""
+        """Peak-to-peak amplitude of the swing."""
         return 2.0 * sqrt(2.0 * self.square / self.known) if self.known > 0.0 else 0.0
 
     def gain(self, target: Target, smallest: float, most: float) -> float:
-        """Times its own that is to be added to swing within the range asked for; what is less than `smallest` is no rhythm."""
+        """Return how much of the swing to add, as a factor of it, to reach the target range.
+
+        Swings under `smallest` do not count as rhythm; at most `most` is added.
+        """
         low, high = range_of(target)
         more = min(max(low / max(self.range, smallest) - 1.0, 0.0), most) * min(self.range / smallest, 1.0)
-        return target[0] * self.known * (more + min(max(high, 0.0) / max(self.range, 1e-3) - 1.0, 0.0))
+        return target[0] * self.known * (more + min(max(high, 0.0) / max(self.range, MIN_SEEN) - 1.0, 0.0))
 
 
 def written_targets(targets: Array) -> list[list[float]]:
-    """Targets for a file: gait, row and column of those that ask for something, with weight and weighted ends."""
+    """Return targets for a file: gait, row and column of each target in use, with its weight and weighted bounds."""
     return [[*at, *targets[tuple(at)].tolist()] for at in np.argwhere(targets.any(-1)).tolist()]
 
 
 def checked_targets(values: Any) -> Array:
-    """Targets of a file, as written or whole; none of a file in which they had no ranges. ValueError for what no description asks for."""
+    """Read targets from a file, sparse or complete; files from before targets had ranges yield none. Raises ValueError."""
     given: Array = np.array(values, np.float64)
     if given.shape[-1:] in ((2,), (4,)) and given.ndim < len(SHAPE):
         return np.zeros(SHAPE)  # of a file in which a target was one value: its words ask anew

@@ -15,6 +15,8 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.edits.request import (
+    MIN_SEEN,
+    MIN_WEIGHT,
     ROW_TRUNK,
     TRUNK,
     EditRequest,
@@ -78,7 +80,7 @@ _AHEAD: Vector = (0.0, 0.0, 1.0)
 
 
 class Moved(NamedTuple):
-    """Metres that the hips move along X, Y and Z, and the local rotations `(31, 4)`."""
+    """Hips displacement (metres along X, Y and Z) and local rotations `(31, 4)` of an edited trunk."""
 
     east: float
     up: float
@@ -88,7 +90,7 @@ class Moved(NamedTuple):
 
 @dataclass
 class TrunkEdit:
-    """What was measured of the network's trunk of a character, and what is added to it."""
+    """State of the trunk edits of one character: measurements of the network's trunk, and what is added to it."""
 
     lean: Swing = field(default_factory=Swing)  # degrees
     aside: Swing = field(default_factory=Swing)
@@ -109,7 +111,7 @@ class TrunkEdit:
     shrug: float = 0.0  # degrees that the shoulders are raised
 
     def watch(self, lean: float, aside: float, fold: float) -> bool:
-        """Whether a trunk that leans by so many degrees comes near the bound of a fold, `fold`, or tips over; called in every frame."""
+        """Return whether the trunk, leaning `lean` degrees, is close to its limit or to tipping over; call every frame."""
         shown = max(min(lean, self._bound(fold)), -self._back(0.0))
         self.steady += (1.0 - decay(STEADY_HALF_LIFE_S)) * (shown - self.steady)
         return (
@@ -119,7 +121,7 @@ class TrunkEdit:
         )
 
     def apply(self, hips: Vector, local: Array, request: EditRequest) -> Moved:
-        """The trunk as it is asked for, of hips at a place and local rotations `(31, 4)`."""
+        """Return the edited trunk: hips displacement and local rotations `(31, 4)`."""
         targets = request.targets[ROW_TRUNK]
         rotations: list[Quaternion] = [tuple(q) for q in local[list(_JOINTS)].tolist()]
         side: Vector = (cos(request.yaw), 0.0, -sin(request.yaw))  # towards the left
@@ -131,7 +133,7 @@ class TrunkEdit:
         elif self.lean.known > 0.0:
             vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
         weight, most = targets[FOLD][0], range_of(targets[FOLD])[1]
-        if weight > 1e-6:
+        if weight > MIN_WEIGHT:
             leans = shown[LEAN] + lean
             lean -= weight * _too_far(leans, self._bound(most))
             lean += weight * _too_far(-leans, self._back(min(range_of(targets[LEAN])[1], 0.0)))
@@ -145,8 +147,8 @@ class TrunkEdit:
 
     @property
     def active(self) -> bool:
-        """Whether anything is added."""
-        return any(abs(getattr(self, name)) > 1e-3 for name in _ADDED)
+        """Whether the edit currently changes the trunk."""
+        return any(abs(getattr(self, name)) > MIN_SEEN for name in _ADDED)
 
     def _bound(self, fold: float) -> float:
         return max(fold, self.steady + STEADY_LEAN_MARGIN_DEGREES)

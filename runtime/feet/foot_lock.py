@@ -34,12 +34,11 @@ ADDED_TOES_UP_FRACTION = 0.14
 
 @dataclass
 class PelvisOffset:
-    """The height of the hips over the incoming pose's, from frame to frame.
+    """Vertical offset of the hips from the incoming pose, carried from frame to frame.
 
-    A foot that stands is some millimetres higher, lower, behind or ahead of the incoming one. A bent knee takes that
-    up unseen; a straight one would have to bend by ten degrees for three millimetres. So the hips keep the straight
-    standing leg's span, each leg with a weight that grows smoothly as it takes over. A leg that
-    is too short for its held foot draws them down further.
+    A standing foot is some millimetres off the incoming one. A bent knee absorbs that unseen; a straight one would bend
+    by ten degrees for three millimetres. So the hips keep the span of straight standing legs, each leg with a smooth
+    weight. A leg too short for its held foot lowers them further.
     """
 
     offset: float = 0.0  # m, upwards
@@ -59,9 +58,9 @@ class PelvisOffset:
         airborne: bool = False,
         rise: float = 0.0,
     ) -> None:
-        """Set `offset` for this frame, from the incoming legs and the outgoing feet; nothing carries a body in the air.
+        """Update `offset` for this frame from the incoming legs and the outgoing feet; it does not change in the air.
 
-        The hips are to `rise` (m) over a bar, as far as held feet let them.
+        `rise` (metres) is how far the hips should rise over a bar, within the reach of held feet.
         """
         s = SETTINGS
         total, carried, least = s.free_weight, 0.0, s.max_rise
@@ -98,7 +97,10 @@ class PelvisOffset:
         return min(spans, default=1.0) - self.offset
 
     def make_room(self, depths: Sequence[float], dt: float) -> float:
-        """Metres that the hips rise over `offset` so that legs which bend no faster do not press their feet `depths` into the ground."""
+        """Return how far (metres) the hips rise above `offset` to keep the feet out of the ground while the knees cannot bend faster.
+
+        `depths` are how deep (metres) the feet are in the ground.
+        """
         s = SETTINGS
         needed = min(max(depths), s.max_room, self.room + s.room_speed * dt)
         room = max(self.room * 0.5 ** (dt / s.room_half_life), needed)
@@ -107,15 +109,15 @@ class PelvisOffset:
 
 
 def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
-    """Metres that `hip` must rise to be `spans` away from `ankle`, over it; as near as possible when it never is."""
+    """Return how far (metres) `hip` must rise for its distance from `ankle` to become `spans`, or as close to that as possible."""
     across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
     return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
 
 
 def carrying_rise(legs: Sequence[LegPose], spans: Sequence[float], bears: Sequence[float]) -> float:
-    """Metres that hips rise so that legs which bear them and are nearly straight span what they are to.
+    """Return how far (metres) the hips rise so that nearly straight legs with weight on them get the lengths `spans`.
 
-    `bears` is how surely each foot is in contact, 0 to 1.
+    `bears` is the contact probability of each foot.
     """
     total = rise = 0.0
     for leg, reach, weight, bones in zip(legs, spans, bears, LEGS, strict=True):
@@ -132,7 +134,7 @@ def _with_toes_up(leg: LegPose, ground: PointHeights) -> LegPose:
 
 
 class Support(NamedTuple):
-    """How a body bears on its feet."""
+    """Inputs of the foot lock that depend on the character's state."""
 
     airborne: bool = False  # it is thrown, no leg carries it
     patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
@@ -152,7 +154,7 @@ class FootLockResult:
 
 @dataclass
 class FootLock:
-    """Plants the feet of one character: its state, `apply`d once per simulated frame, in order."""
+    """Foot lock of one character: its state; call `apply` once per simulated frame, in order."""
 
     feet: tuple[PlantedFoot, PlantedFoot] = field(default_factory=lambda: (PlantedFoot(0), PlantedFoot(1)))
     knees: tuple[Knee, Knee] = field(default_factory=lambda: (Knee(), Knee()))
@@ -166,7 +168,7 @@ class FootLock:
 
     @property
     def held(self) -> tuple[str, str]:
-        """What holds the left and the right foot: "", "heel" or "toe"."""
+        """Which point holds the left and the right foot: "", "heel" or "toe"."""
         return self.feet[0].anchor, self.feet[1].anchor
 
     def apply(
@@ -178,7 +180,7 @@ class FootLock:
         dt: float,
         support: Support | None = None,
     ) -> FootLockResult:
-        """Return the planted pose of an incoming one.
+        """Return the incoming pose with planted feet.
 
         `hips_position` `(3,)`, `local_rotations` `(31, 4)`, `contacts` `(4,)` in 0..1 (left heel, left toe, right
         heel, right toe), `dt` seconds since the previous call.
@@ -307,7 +309,7 @@ class FootLock:
         return (left, right), self.balance.apply(local, self.on_beam, dt)
 
     def take_over(self, shown: tuple[Array, Array], incoming: tuple[Array, Array]) -> None:
-        """Go on from a pose that was shown in place of the incoming one: what they differ by fades like any offset.
+        """Continue from a pose that was shown instead of the incoming one; the difference fades out.
 
         Both are hips `(3,)` and local rotations `(31, 4)`.
         """

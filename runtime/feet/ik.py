@@ -6,6 +6,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE
 from runtime.skeleton import SPORT_SKELETON, Skeleton
 
 # hips → hip joint → thigh → shin → foot, as joint indices of the SPORT skeleton (left, right)
@@ -20,20 +21,23 @@ MAX_REACH = 0.9998
 # of the leg's length: what a leg straightens beyond its own pose is approached with falling speed
 EASE_REACH_FRACTION = 0.001
 MIN_REACH_FRACTION = 0.2  # of the leg's length: about 155 degrees of knee flexion
+MIN_OPENING_M = 1e-4  # of the ankle from where a leg is folded wholly
+MIN_BEND_M = 1e-5  # of a knee off the line from hip to ankle, from which it has a plane
+MAX_HELPER_COSINE = 0.9  # of a leg along Z, up to which +Z tells its plane
 POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset
 _FORWARD = np.array([0.0, 0.0, 1.0])
 
 
 def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Array:
-    """Distance that a leg of `length` may span when `distance` is requested and the incoming pose spans `span`.
+    """Return the distance that a leg of `length` spans when `distance` is requested and the incoming pose spans `span`.
 
-    Equal to the requested distance up to `MAX_REACH - EASE_REACH_FRACTION` of it, and always up to `span`: a leg that the pose
-    itself shows so straight needs no easing. Beyond, eased quadratically towards `MAX_REACH` of the length. The knee
-    angle grows with the square root of the missing length, so that without easing it moves at any speed.
+    Equal to the requested distance up to `MAX_REACH - EASE_REACH_FRACTION` of the length, and always up to `span`.
+    Beyond, it eases quadratically towards `MAX_REACH` of the length: the knee angle grows with the square root of the
+    missing length, and would otherwise move at any speed.
     """
     length = np.asarray(length)
     start = np.maximum((MAX_REACH - EASE_REACH_FRACTION) * length, np.minimum(span, length))
-    room = np.maximum(MAX_REACH * length - start, 1e-9 * length)
+    room = np.maximum(MAX_REACH * length - start, MIN_DIVISOR * length)
     over = np.clip(np.asarray(distance) - start, 0.0, 2.0 * room)
     eased = np.minimum(distance, start) + over - over * over / (4.0 * room)
     return np.maximum(eased, MIN_REACH_FRACTION * length)
@@ -42,21 +46,20 @@ def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Arr
 def two_bone(
     hip: Array, knee: Array, ankle: Array, target: Array, pole: Array | None = None
 ) -> tuple[Array, Array]:
-    """World rotations `(..., 4)` to apply to the upper and the lower bone so that the ankle reaches `target`.
+    """Return world rotations `(..., 4)` to apply to the upper and lower bone so that the ankle reaches `target`.
 
-    All points are `(..., 3)` in one space. `pole` `(..., 3)` is the direction in which the knee may bend: the incoming
-    bending plane is kept, except that a straight knee follows the pole and one bent against the pole is
-    brought to its side. Without a pole the incoming plane is kept as it is. Bones keep their lengths; a target out of
-    reach is approached along its line (see `soft_reach`).
+    All points are `(..., 3)` in one space. The incoming bending plane is kept. With `pole` `(..., 3)`, the direction in
+    which the knee may bend, a straight knee follows the pole and one bent against it is brought to its side. Bones keep
+    their lengths; a target out of reach is approached along its line (see `soft_reach`).
     """
     hip, knee, ankle, target = (np.asarray(a, np.float64) for a in (hip, knee, ankle, target))
-    upper, lower = np.maximum(_length(knee - hip), 1e-6), np.maximum(_length(ankle - knee), 1e-6)
+    upper, lower = np.maximum(_length(knee - hip), MIN_SIZE), np.maximum(_length(ankle - knee), MIN_SIZE)
     to_target = target - hip
     wanted = _length(to_target)
     axis = rotations.normalize(ankle - hip)
-    aim = rotations.normalize(np.where(wanted[..., None] > 1e-6, to_target, axis))
+    aim = rotations.normalize(np.where(wanted[..., None] > MIN_SIZE, to_target, axis))
     distance = soft_reach(wanted, upper + lower, _length(ankle - hip))
-    distance = np.maximum(distance, np.abs(upper - lower) + 1e-4)
+    distance = np.maximum(distance, np.abs(upper - lower) + MIN_OPENING_M)
 
     bend = _bend_direction(axis, knee - hip, pole)
     swing = rotations.between(axis, aim)
@@ -80,10 +83,10 @@ def solve_legs(
     foot_world_rotations: Array | None = None,
     skeleton: Skeleton = SPORT_SKELETON,
 ) -> Array:
-    """Local rotations `(..., 31, 4)` with both ankles at `ankle_targets` `(..., 2, 3)` (left, right; world, metres).
+    """Return local rotations `(..., 31, 4)` with both ankles at `ankle_targets` `(..., 2, 3)` (left, right; world, metres).
 
     `hips_position` `(..., 3)` and `local_rotations` `(..., 31, 4)` are the incoming pose. The feet take
-    `foot_world_rotations` `(..., 2, 4)`, or keep their incoming world rotations when it is None.
+    `foot_world_rotations` `(..., 2, 4)`, or keep their incoming world rotations if it is None.
     """
     local = np.asarray(local_rotations, np.float64)
     hips_world = local[..., None, 0, :]
@@ -114,9 +117,9 @@ def _bend_direction(axis: Array, knee: Array, pole: Array | None) -> Array:
     bend = _perpendicular(knee, axis)
     if pole is None:
         # a straight leg without a hint bends towards +Z, or +Y when the leg lies along Z
-        helper = np.where(np.abs(axis[..., 2:]) < 0.9, _FORWARD, np.array([0.0, 1.0, 0.0]))
+        helper = np.where(np.abs(axis[..., 2:]) < MAX_HELPER_COSINE, _FORWARD, np.array([0.0, 1.0, 0.0]))
         fallback = rotations.normalize(_perpendicular(helper, axis))
-        return rotations.normalize(np.where(_length(bend)[..., None] > 1e-5, bend, fallback))
+        return rotations.normalize(np.where(_length(bend)[..., None] > MIN_BEND_M, bend, fallback))
     forward = rotations.normalize(_perpendicular(np.asarray(pole, np.float64), axis))
     bend = bend + POLE_WEIGHT_M * forward
     against = np.sum(bend * forward, axis=-1, keepdims=True)

@@ -12,8 +12,10 @@ from dataclasses import dataclass, field
 from math import acos, asin, atan2, copysign, cos, dist, hypot, radians, sin, sqrt
 from typing import NamedTuple
 
-from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH, MIN_REACH_FRACTION, POLE_WEIGHT_M
+from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH, MIN_OPENING_M, MIN_REACH_FRACTION, POLE_WEIGHT_M
 from runtime.scalar_math import (
+    MIN_DIVISOR,
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -56,12 +58,12 @@ class LegPose(NamedTuple):
     toe: Vector
 
     def raised(self, metres: float) -> Vector:
-        """Where the hip is with the body raised."""
+        """Return the hip position with the body raised."""
         return self.hip[0], self.hip[1] + metres, self.hip[2]
 
 
 def leg_bones(side: int, skeleton: Skeleton = SPORT_SKELETON) -> LegBones:
-    """The left (0) or right (1) leg of a SPORT skeleton."""
+    """Return the left (0) or right (1) leg of a SPORT skeleton."""
     first = 1 + 5 * side
     joints = (first, first + 1, first + 2, first + 3, first + 4)
     offsets = tuple((float(x), float(y), float(z)) for x, y, z in skeleton.offsets[list(joints)])
@@ -70,7 +72,7 @@ def leg_bones(side: int, skeleton: Skeleton = SPORT_SKELETON) -> LegBones:
 
 
 def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPose:
-    """Forward kinematics; `local` holds the pose's 31 local rotations."""
+    """Return the world pose of a leg by forward kinematics; `local` are the pose's 31 local rotations."""
     j, o = bones.joints, bones.offsets
     root = local[0]
     base = multiply(root, local[j[0]])
@@ -84,9 +86,9 @@ def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPo
 
 
 def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
-    """Return the leg with its foot turned about the ankle: toes that are up, against a flat sole, by a `fraction` more.
+    """Return the leg with its toes raised further by a `fraction`, relative to a flat sole; the foot turns about the ankle.
 
-    The ground under the toe is `rise` metres over that under the ankle.
+    The ground under the toe is `rise` metres above that under the ankle.
     """
     sole = subtract(leg.toe, leg.ankle)
     foot = length(sole)
@@ -102,7 +104,7 @@ def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
 def leg_inverse(
     leg: LegPose, target: Vector, foot: Quaternion, drop: float = 0.0
 ) -> tuple[Quaternion, Quaternion, Quaternion]:
-    """Local rotations of thigh, shin and foot that bring the ankle to `target` with the hips lowered by `drop` metres.
+    """Return local rotations of thigh, shin and foot that bring the ankle to `target` with the hips lowered by `drop` metres.
 
     `foot` is the foot's new world rotation. See `runtime.feet.ik.two_bone`.
     """
@@ -110,12 +112,12 @@ def leg_inverse(
     lower = subtract(leg.ankle, leg.knee)
     hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
     # far from the origin a float no longer tells hip from knee: a bone without length must not divide
-    a, b = max(length(upper), 1e-6), max(length(lower), 1e-6)
+    a, b = max(length(upper), MIN_SIZE), max(length(lower), MIN_SIZE)
     axis = unit(subtract(leg.ankle, leg.hip))
     to_target = subtract(target, hip)
     wanted = length(to_target)
-    aim = unit(to_target) if wanted > 1e-6 else axis
-    d = max(soft_reach(wanted, a + b, dist(leg.ankle, leg.hip)), abs(a - b) + 1e-4)
+    aim = unit(to_target) if wanted > MIN_SIZE else axis
+    d = max(soft_reach(wanted, a + b, dist(leg.ankle, leg.hip)), abs(a - b) + MIN_OPENING_M)
     swing = between(axis, aim)
     bend = rotate(swing, _bend(axis, upper, rotate(leg.thigh, (0.0, 0.0, 1.0))))
     c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
@@ -129,23 +131,23 @@ def leg_inverse(
 
 
 def turned_out(leg: LegPose, side: int, radians_out: float) -> LegPose:
-    """The left (0) or right (1) leg with its knee turned outwards about the line from hip to ankle; the foot stays."""
+    """Return the left (0) or right (1) leg with its knee turned outwards about the hip-ankle line; the foot does not move."""
     turn = from_vector(scale(unit(subtract(leg.ankle, leg.hip)), radians_out if side else -radians_out))
     knee = add(leg.hip, rotate(turn, subtract(leg.knee, leg.hip)))
     return leg._replace(knee=knee, thigh=multiply(turn, leg.thigh), shin=multiply(turn, leg.shin))
 
 
 def roll_cosine(to_hip: Vector, foot: float, reach: float) -> float:
-    """Cosine of the angle at a toe, between hip and ankle, where the ankle, `foot` metres away, is `reach` from the hip.
+    """Return the cosine of the angle at the toe, between hip and ankle, that puts the ankle `reach` metres from the hip.
 
-    Beyond -1 to 1 there is no such angle.
+    The ankle is `foot` metres from the toe. No angle exists if the value is outside -1 to 1.
     """
     distance = length(to_hip)
     return (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
 
 
 def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
-    """Direction from a toe to its ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
+    """Return the direction from toe to ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
     cosine = min(max(cosine, -1.0), 1.0)
     up = scale(to_hip, 1.0 / length(to_hip))
     side = unit(subtract(along, scale(up, dot(along, up))))
@@ -155,7 +157,7 @@ def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
 def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
     """Scalar twin of `runtime.feet.ik.soft_reach`."""
     start = max((MAX_REACH - EASE_REACH_FRACTION) * leg_length, min(span, leg_length))
-    room = max(MAX_REACH * leg_length - start, 1e-9 * leg_length)
+    room = max(MAX_REACH * leg_length - start, MIN_DIVISOR * leg_length)
     over = min(max(distance - start, 0.0), 2.0 * room)
     return max(min(distance, start) + over - over * over / (4.0 * room), MIN_REACH_FRACTION * leg_length)
 
@@ -177,7 +179,7 @@ MAX_STRAIGHTEST = radians(25.0)
 
 @dataclass
 class Knee:
-    """What one knee remembers: its flexion as it was shown, radians, its speed, and the incoming pose's flexion."""
+    """State of one knee: its shown flexion (radians) and speed, and the incoming pose's flexion."""
 
     flexion: float | None = None
     speed: float = 0.0
@@ -187,9 +189,9 @@ class Knee:
     def follow(
         self, leg: LegPose, hip: Vector, target: Vector, bones: LegBones, dt: float, free: bool = False
     ) -> float:
-        """Metres from `hip` to the ankle in this frame, where `target` is requested; `leg` is the incoming leg.
+        """Return the hip-ankle distance (metres) of this frame for the requested `target`; `leg` is the incoming leg.
 
-        The leg of a `free` foot becomes no straighter than the incoming one is in its strides.
+        A `free` foot's leg is never straighter than the incoming leg is in its strides.
         """
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         far, spans = dist(target, hip), dist(leg.ankle, leg.hip)
@@ -209,10 +211,10 @@ class Knee:
         change = min(max(speed - self.speed, -FASTEST_BEND * dt), FASTEST_BEND * dt)
         self.incoming, self.speed = incoming, self.speed + change
         self.flexion = max(self.flexion + self.speed * dt, 0.0)
-        return sqrt(max(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(self.flexion), 1e-9))
+        return sqrt(max(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(self.flexion), MIN_DIVISOR))
 
     def bend_to(self, leg: LegPose, hip: Vector, ankle: Vector, bones: LegBones, dt: float) -> None:
-        """Go on from a leg that the ground made shorter than it was to be."""
+        """Update the knee's state after the ground made the leg shorter than requested."""
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         flexion = _flexion(min(dist(ankle, hip), bones.length), thigh, shin)
         if flexion > (self.flexion or 0.0):
@@ -231,10 +233,10 @@ HIGHEST_TIP_M = 0.055  # m that the tip may be raised over the joint: about 65 d
 
 
 def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights, sink: float) -> Quaternion:
-    """Local rotation of the toes for the network's `toe`; `foot` is the foot's world rotation, `joint` where the toe joint is.
+    """Return the local rotation of toes bent by the ground; `toe` is the network's rotation, `foot` the foot's in the world.
 
-    They turn about their own cross axis, as toes do: where they point straight down, a heading taken from the way they
-    point would flip from one frame to the next.
+    `joint` is the toe joint's position. The toes turn about their own cross axis, because their heading would flip
+    where they point straight down.
     """
     world = multiply(foot, toe)
     ahead, up = rotate(world, (0.0, 0.0, 1.0)), rotate(world, (0.0, 1.0, 0.0))
@@ -244,5 +246,5 @@ def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights,
         return toe
     # after a bend b the tip is raised by ahead_y cos b + up_y sin b
     most = hypot(ahead[1], up[1])
-    bend = atan2(up[1], ahead[1]) - acos(max(min(rise / max(most, 1e-6), 1.0), -1.0))
+    bend = atan2(up[1], ahead[1]) - acos(max(min(rise / max(most, MIN_SIZE), 1.0), -1.0))
     return multiply(toe, (cos(0.5 * bend), -sin(0.5 * bend), 0.0, 0.0))

@@ -27,23 +27,27 @@ PASSES_M = 0.25  # while it is so near to it along the way
 LIFTED_M = 0.06  # and so high
 HALF_LIFE_S = 0.06
 PULL_PER_S, MAX_PULL_M_PER_S = 1.5, 0.3  # of the root's way to the middle; m/s
+MIN_HIPS_WIDTH_M = 1e-3  # seen from above, from which they have a side
+MIN_SQUARED_OFFSET = 1e-8  # m2 of a foot: less is none
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
 ARMS_OUT_RAD = 0.5  # radians that the arms are held out,
 OUT_HALF_LIFE_S = 0.25  # in about twice so long
+LN_2_FACTOR = 0.693  # of an exponent, for a half-life
+MIN_OUT_FRACTION = 1e-3  # of that: less is not seen
 
 
 def may_be_narrow(ground: PointHeights) -> bool:
-    """Whether any slope of this ground falls as far as next to a beam."""
+    """Return whether any slope of this ground drops as far as the side of a beam."""
     return ground.steepest * BESIDE_M >= DROP_M
 
 
 def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeights) -> Vector | None:
-    """Unit vector to the left where the character is on ground as narrow as a beam; None elsewhere."""
+    """Return the unit vector to the character's left if it is on ground as narrow as a beam; None elsewhere."""
     across = subtract(legs[0].hip, legs[1].hip)
     size = sqrt(across[0] * across[0] + across[2] * across[2])
-    if size < 1e-3:
+    if size < MIN_HIPS_WIDTH_M:
         return None
     side = (across[0] / size, 0.0, across[2] / size)
     top = max(ground.height(p[0], p[2]) for p in (hips, legs[0].toe, legs[1].toe))
@@ -62,7 +66,7 @@ def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeigh
 
 
 def to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | None:
-    """Metres along `side` from a point to the middle of the highest ground there; None where it goes on to either side."""
+    """Return the distance (metres along `side`) to the middle of the highest ground; None if that ground is not narrow."""
     count = round(SCAN_M / SPACING_M)
     ways = [SPACING_M * k for k in range(-count, count + 1)]
     heights = [ground.height(point[0] + way * side[0], point[2] + way * side[2]) for way in ways]
@@ -75,7 +79,7 @@ def to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | None
 
 
 def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> tuple[float, float]:
-    """Velocity (m/s, XZ) that keeps the root over the middle of a beam; `side` as `side_of_beam` gave it."""
+    """Return the velocity (m/s, XZ) that keeps the root over the middle of a beam; `side` is from `side_of_beam`."""
     way = None if side is None else to_middle(hips, side, ground)
     if side is None or way is None:
         return 0.0, 0.0
@@ -85,7 +89,7 @@ def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> tup
 
 @dataclass
 class SidewaysLead:
-    """How far one foot is moved sideways, from frame to frame."""
+    """Sideways displacement of one foot on a beam, carried from frame to frame."""
 
     sign: float = 1.0  # 1 left, -1 right
     offset: Vector = NOTHING
@@ -94,7 +98,7 @@ class SidewaysLead:
     def apply(
         self, leg: LegPose, other: LegPose, side: Vector | None, held: bool, ground: PointHeights, dt: float
     ) -> LegPose:
-        """The leg with its toe and ankle moved along `side` (see `side_of_beam`); a held foot keeps its lead."""
+        """Return the leg with toe and ankle moved along `side` (see `side_of_beam`); a held foot keeps its displacement."""
         if not held:
             goal = NOTHING if side is None else self._lead(leg, other, side, ground)
             if goal == NOTHING == self.offset:
@@ -102,7 +106,7 @@ class SidewaysLead:
             x, vx = damp(self.offset[0], self.velocity[0], goal[0], HALF_LIFE_S, dt)
             z, vz = damp(self.offset[2], self.velocity[2], goal[2], HALF_LIFE_S, dt)
             self.offset, self.velocity = (x, 0.0, z), (vx, 0.0, vz)
-            if goal == NOTHING and x * x + z * z < 1e-8:
+            if goal == NOTHING and x * x + z * z < MIN_SQUARED_OFFSET:
                 self.offset = self.velocity = NOTHING
         elif self.offset == NOTHING:
             return leg
@@ -123,14 +127,14 @@ class SidewaysLead:
 
 @dataclass
 class Balance:
-    """Arms that are held out on a beam, from frame to frame."""
+    """How far the arms are held out on a beam, carried from frame to frame."""
 
     fraction: float = 0.0
 
     def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
-        """Local rotations `(31, 4)` with the upper arms turned out by what is reached of `OUT`."""
-        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-0.693 * dt / OUT_HALF_LIFE_S))
-        if self.fraction < 1e-3:
+        """Return local rotations `(31, 4)` with the upper arms turned out, easing in on a beam and out elsewhere."""
+        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-LN_2_FACTOR * dt / OUT_HALF_LIFE_S))
+        if self.fraction < MIN_OUT_FRACTION:
             self.fraction = 0.0
             return local
         result = np.array(local, np.float64)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from math import cos, pi, sin, sqrt
 
 from runtime.feet.leg import LegPose, turned_out
-from runtime.scalar_math import Vector, add, damp, scale, smoothstep
+from runtime.scalar_math import MIN_SIZE, Vector, add, damp, scale, smoothstep
 from runtime.skeleton import ANKLE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 
@@ -29,6 +29,9 @@ TOE_M, HEEL_M = 0.19, 0.1
 FARTHEST_M = 0.4  # that a foot is led on
 SAME_M = 0.1  # farther, it is still led to the same side
 LED_HALF_LIFE_S = 0.06
+MIN_LED_M, MIN_OUT_RAD = 1e-4, 1e-3  # of a foot that is led and a knee that is turned out: less is none
+MIN_GAIN_M = 1e-3  # that a knee turned farther out has to be less deep
+NOWHERE_M = 1e9  # deeper than any ground
 LOW_BAR_M, MOST_RISE_M = 0.33, 0.27  # a higher bar lets hips rise in flight, by so much
 RISE_WIDTH_M = 0.8  # before and behind it
 CAUGHT_M = 0.01  # that a held leg may lie too near to a bar, or else its foot leaves the ground
@@ -42,13 +45,13 @@ AHEAD_M = (0.0, 0.07, 0.14, 0.21)  # on its way, that a knee keeps clear
 
 
 def has_edges(ground: PointHeights) -> bool:
-    """Whether this ground rises anywhere as steeply as a bar or a step."""
+    """Return whether this ground anywhere rises as steeply as a bar or a step."""
     return ground.steepest * RUN_M > RISE_M
 
 
 @dataclass
 class SteppedOver:
-    """A bar or gap that is stepped over by the gait itself: its near edge, and the way across."""
+    """A bar or gap that the gait itself steps over: its near edge and the direction across it."""
 
     x: float = 0.0  # of the near edge, m
     z: float = 0.0
@@ -60,15 +63,15 @@ class SteppedOver:
     crossing: bool = False  # by the foot that comes down next
 
     def along(self, x: float, z: float) -> float:
-        """Metres of a place behind the near edge."""
+        """Return how far (metres) a position is past the near edge."""
         return (x - self.x) * sin(self.yaw) + (z - self.z) * cos(self.yaw)
 
     def is_under(self, x: float, z: float) -> bool:
-        """Whether a root at this place is over it: from there its far side would look like a step."""
+        """Return whether a root at this position is over the bar or gap, from where its far side would look like a step."""
         return self.length >= 0.0 and -UNDER_M < self.along(x, z) < self.length + UNDER_M
 
     def hips_rise(self, hips: Vector) -> float:
-        """Metres that hips at this place rise for a high bar where the legs let them."""
+        """Return how far (metres) the hips rise at this position to step over a high bar."""
         high = min(self.top - LOW_BAR_M, MOST_RISE_M)
         if self.length < 0.0 or high <= 0.0:
             return 0.0
@@ -78,7 +81,7 @@ class SteppedOver:
 
 @dataclass
 class NextStep:
-    """What one foot remembers of its steps, from frame to frame."""
+    """State of one foot's steps, carried from frame to frame."""
 
     hip_x: float = 0.0  # place of the hip in the last frame, m
     hip_z: float = 0.0
@@ -107,13 +110,13 @@ class NextStep:
 
     @property
     def speed(self) -> float:
-        """Of the hip, m/s."""
+        """Horizontal speed of the hip, m/s."""
         return sqrt(self.way_x * self.way_x + self.way_z * self.way_z)
 
     def watch(
         self, leg: LegPose, other: NextStep, held: bool, down: bool, velocity: Vector, dt: float
     ) -> None:
-        """Read an incoming leg: where the hip goes, and where the foot comes down; `down` tells that it has, held or not."""
+        """Update with the incoming leg: the velocity of its hip and the landings of its foot; `down` if the foot has landed."""
         self._follow_hip(leg.hip, dt)
         ankle_x, _, ankle_z = leg.ankle
         stands = held or down
@@ -121,7 +124,7 @@ class NextStep:
         self.held, self.stood, self.metres, self.seconds = held, stands, 0.0, 0.0
         self.since += dt
         speed = self.speed
-        way = self.way_x / max(speed, 1e-6), self.way_z / max(speed, 1e-6)
+        way = self.way_x / max(speed, MIN_SIZE), self.way_z / max(speed, MIN_SIZE)
         steps = speed > MIN_HIP_SPEED_M_PER_S and other.since < LONGEST_S
         step = (ankle_x - other.landed_x) * way[0] + (ankle_z - other.landed_z) * way[1]
         if came:
@@ -159,7 +162,7 @@ class NextStep:
         return metres
 
     def lead(self, leg: LegPose, over: SteppedOver | None, held: bool, dt: float) -> LegPose:
-        """The leg, led so that it comes down before or behind what is stepped `over`; a held foot keeps its lead."""
+        """Return the leg shifted so that it lands before or behind the obstacle `over`; a held foot keeps its shift."""
         self.over = over or SteppedOver()
         if not held:
             if self.over.length < 0.0:
@@ -167,7 +170,7 @@ class NextStep:
             elif self.seconds > 0.0:
                 self.goal = self._lead_to(leg, self.over)
             self.led, self.led_velocity = damp(self.led, self.led_velocity, self.goal, LED_HALF_LIFE_S, dt)
-            if self.goal == 0.0 and abs(self.led) < 1e-4:
+            if self.goal == 0.0 and abs(self.led) < MIN_LED_M:
                 self.led = self.led_velocity = 0.0
         else:
             self.goal = self.led_velocity = 0.0
@@ -189,9 +192,9 @@ class NextStep:
         return min(onwards, FARTHEST_M) if nearer else max(back, -FARTHEST_M)
 
     def lift(self, points: tuple[tuple[Vector, float], ...], ground: PointHeights) -> float:
-        """Return how far (metres) the foot has to rise over its incoming height to clear edges on its way; 0 without any.
+        """Return how far (metres) the foot must rise above its incoming height to clear edges on its path; 0 without edges.
 
-        `points` are the shown toe and ankle, and the incoming heights of their soles.
+        `points` are the shown toe and ankle, each with the incoming height of its sole.
         """
         lift, over = 0.0, self.over
         if over.top > 0.0:
@@ -219,7 +222,7 @@ class NextStep:
 
     def _shin_over(self, ankle: Vector, pace: float, soon_s: tuple[float, ...] = SHIN_S) -> float:
         """Height at which an ankle that moves on at `pace` (m/s) has to be for its shin to pass over a bar; soon it has to be."""
-        over, need = self.over, -1e9
+        over, need = self.over, -NOWHERE_M
         top = over.ground + over.top + LIMB_M
         knee, here = over.along(self.knee[0], self.knee[2]), over.along(ankle[0], ankle[2])
         for seconds in soon_s:
@@ -234,11 +237,11 @@ class NextStep:
         return need
 
     def knee_out(self, leg: LegPose, side: int, ground: PointHeights, dt: float) -> float:
-        """Radians that the knee of a solved leg is turned outwards, so that thigh and shin pass over the ground."""
-        goal, least = 0.0, 1e9
+        """Return how far (radians) the knee of a solved leg turns outwards so that thigh and shin clear the ground."""
+        goal, least = 0.0, NOWHERE_M
         for radians_out in OUT:
             depth = self._knee_depth(leg, turned_out(leg, side, radians_out).knee, ground)
-            if depth < least - 1e-3:
+            if depth < least - MIN_GAIN_M:
                 goal, least = radians_out, depth
             if depth <= 0.0:
                 break
@@ -249,13 +252,13 @@ class NextStep:
                 self.held and self._shin_over(leg.ankle, 0.0, SHIN_S[:2]) > leg.ankle[1] + CAUGHT_M
             )
         self.out, self.out_velocity = damp(self.out, self.out_velocity, goal, OUT_HALF_LIFE_S, dt)
-        if goal == 0.0 and abs(self.out) < 1e-3:
+        if goal == 0.0 and abs(self.out) < MIN_OUT_RAD:
             self.out = self.out_velocity = 0.0
         return self.out
 
     def _knee_depth(self, leg: LegPose, knee: Vector, ground: PointHeights) -> float:
         """Metres that thigh and shin of a leg with its `knee` there lie in the ground, here or soon."""
-        speed = max(self.speed, 1e-6)
+        speed = max(self.speed, MIN_SIZE)
         x, z = self.way_x / speed, self.way_z / speed
         points = [
             knee,

@@ -11,6 +11,8 @@ from runtime.feet.next_step import HEEL_M, NextStep, SteppedOver, has_edges
 from runtime.feet.reach import depth_in_ground, span
 from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import (
+    MIN_DIVISOR,
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -40,12 +42,13 @@ SOLE_REACH_M = 0.07  # from the middle of a sole to where the slope of its groun
 MIN_EDGE_AHEAD_M = 0.03  # higher than a foot stands, and steeper than a slope, ground ahead is an edge
 SEEN_AHEAD_FRACTIONS = (1.0, 0.75, 0.5, 0.25)  # of `look_ahead`, where the ground is looked at
 HEEL_STRIKE_FRACTION = 0.3  # of what is ahead that an ankle clears whose heel strikes first
+FALLING_FRACTION = 0.25  # of `look_ahead`, by which the fall or rise of a foot counts for what it clears
 CONTACT_HYSTERESIS_RATIO = 1.5  # times its bounds, for a point that was in contact
 
 
 @dataclass
 class PlantedFoot:
-    """State of one foot. The offset is outgoing minus incoming toe joint."""
+    """State of one planted foot; the offset is the outgoing minus the incoming toe joint."""
 
     side: int  # 0 left, 1 right
     anchor: str = field(default="", metadata={"choices": ANCHORS})  # the point that is held
@@ -76,11 +79,11 @@ class PlantedFoot:
 
     @property
     def bones(self) -> LegBones:
-        """The leg's."""
+        """The bones of the foot's leg."""
         return LEGS[self.side]
 
     def observe(self, leg: LegPose, heel: float, toe: float, ground: PointHeights, dt: float) -> None:
-        """Read the incoming foot: velocities, heights over rest, and which points are in contact."""
+        """Update velocities, heights over rest and contacts from the incoming foot."""
         if self.incoming is None:
             self.incoming = (leg.toe, leg.ankle)
             self.toe, self.ankle = leg.toe, leg.ankle
@@ -99,7 +102,7 @@ class PlantedFoot:
         self.heel_down = self._in_contact(self.heel_down, heel, self.heights[1], ankle_velocity)
 
     def adopt(self, shown: LegPose, leg: LegPose) -> None:
-        """Begin from a foot as it was shown, where `leg` came in."""
+        """Start from the leg as it was `shown` instead of the incoming `leg`."""
         self.incoming = (leg.toe, leg.ankle)
         self.toe, self.ankle, self.rotation = shown.toe, shown.ankle, shown.foot
         self.offset = subtract(shown.toe, leg.toe)
@@ -124,9 +127,9 @@ class PlantedFoot:
         over: bool = False,
         last: bool = False,
     ) -> None:
-        """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it.
+        """Lock, keep or release the held point; the toe has priority over the heel, so that the foot rolls over it.
 
-        A foot that is `over` something comes down first. The `last` foot of a walk stays until the other one is down.
+        A foot that is `over` an obstacle lands first. The `last` foot of a walk stays held until the other one is down.
         """
         anchor = self._point_down(last)
         if self.refractory > 0.0 or not anchor or (over and not self.anchor):
@@ -165,7 +168,7 @@ class PlantedFoot:
         return self.twisted or overstrained or self.next_step.caught or hip_low
 
     def is_over(self, over: SteppedOver | None, ground: PointHeights) -> bool:
-        """Whether the shown foot still is on its way over what is stepped over: high over the ground, or hanging over the far edge."""
+        """Return whether the shown foot is still passing over an obstacle: high above the ground, or beyond its far edge."""
         if over is None or over.length < 0.0:
             return False
         ankle, toe = over.along(self.ankle[0], self.ankle[2]), over.along(self.toe[0], self.toe[2])
@@ -174,7 +177,7 @@ class PlantedFoot:
         return hangs or high
 
     def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:
-        """Set the outgoing toe, ankle and foot rotation."""
+        """Compute the outgoing toe, ankle and foot rotation."""
         before, (toe_x, _, toe_z) = (self.toe[1], self.ankle[1]), self.toe
         tilt = self.tilt
         self._turn(leg, ground, dt)
@@ -228,12 +231,12 @@ class PlantedFoot:
                 return target
             # one that was held up before an edge comes back to it, faster and faster
             fastest = self.moved / dt + s.catch_up * dt
-            part = min(1.0, fastest * dt / max(sqrt(x * x + z * z), 1e-9))
+            part = min(1.0, fastest * dt / max(sqrt(x * x + z * z), MIN_DIVISOR))
             return (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
         behind = sqrt((leg.toe[0] - self.toe[0]) ** 2 + (leg.toe[2] - self.toe[2]) ** 2)
         fastest = s.travel_near + s.travel_rise * fraction * fraction / (1.0 - fraction)
         fastest = max(fastest, (behind - s.max_behind) / s.behind_seconds)
-        part = fastest * dt / max(sqrt(x * x + z * z), 1e-9)
+        part = fastest * dt / max(sqrt(x * x + z * z), MIN_DIVISOR)
         if part >= 1.0:
             return target
         return (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
@@ -341,7 +344,7 @@ class PlantedFoot:
             free, clear = 1.0 - chance, moving * moving * s.swing_clearance
             if joint is self.toe:
                 free, clear = max(free, travels), toe_clears
-            soon = max(0.0, ahead - below - 0.25 * s.look_ahead * vy) + clear
+            soon = max(0.0, ahead - below - FALLING_FRACTION * s.look_ahead * vy) + clear
             if joint is self.ankle and heel_strikes:
                 soon = HEEL_STRIKE_FRACTION * soon
             depth = below - s.sink - rest + free * soon
@@ -357,7 +360,7 @@ class PlantedFoot:
         s = SETTINGS
         catching_up = sqrt(self.offset[0] ** 2 + self.offset[2] ** 2) / s.catch_up_seconds
         travels = min(1.0, max(speed, catching_up) / s.travel_speed)
-        shallow = 2.0 - abs(self.climb) / (s.shallow * max(speed, 1e-6))
+        shallow = 2.0 - abs(self.climb) / (s.shallow * max(speed, MIN_SIZE))
         under = -self.heights[0] / s.travel_height
         return travels, travels * travels * min(max(shallow, under, 0.0), 1.0) * s.travel_clearance
 
@@ -394,7 +397,10 @@ class PlantedFoot:
         self.ankle = (ankle[0], ankle[1] + missing, ankle[2])
 
     def knee_out(self, leg: LegPose, hip: Vector, local: Array, ground: PointHeights, dt: float) -> float:
-        """Radians that the knee turns outwards for the ground; `local` are thigh, shin and foot over the base of `leg`."""
+        """Return how far (radians) the knee turns outwards to clear the ground.
+
+        `local` are the rotations of thigh, shin and foot relative to the base of `leg`.
+        """
         upper, lower, _ = local.tolist()
         thigh = multiply(leg.base, upper)
         shin = multiply(thigh, lower)

@@ -9,6 +9,7 @@ from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH
 from runtime.feet.leg import LegBones, LegPose, roll_cosine, rolled, soft_reach
 from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import (
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -27,7 +28,7 @@ REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the r
 
 
 class SpannedFoot(NamedTuple):
-    """A foot where its leg reaches."""
+    """A foot at a distance that its leg can reach."""
 
     toe: Vector
     ankle: Vector
@@ -35,17 +36,17 @@ class SpannedFoot(NamedTuple):
     depth: float  # m that it is too deep in the ground
 
     def lifted(self, joint: Vector) -> Vector:
-        """Return one of its joints, out of the ground."""
+        """Return the position of `joint`, lifted out of the ground."""
         return joint[0], joint[1] + self.depth, joint[2]
 
 
 def span(leg: LegPose) -> float:
-    """Metres from hip to ankle of the incoming pose."""
+    """Return the hip-ankle distance (metres) of the incoming pose."""
     return dist(leg.ankle, leg.hip)
 
 
 def depth_in_ground(toe: Vector, ankle: Vector, ground: PointHeights) -> float:
-    """Metres by which a foot at `toe` and `ankle` lies deeper in the ground than a sole may press."""
+    """Return how far (metres) a foot at `toe` and `ankle` is below the depth that a sole may sink into the ground."""
     return max(
         ground.height(toe[0], toe[2]) + TOE_HEIGHT - SETTINGS.sink - toe[1],
         ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - SETTINGS.sink - ankle[1],
@@ -55,14 +56,14 @@ def depth_in_ground(toe: Vector, ankle: Vector, ground: PointHeights) -> float:
 def spanned_foot(
     bones: LegBones, rotation: Quaternion, hip: Vector, target: Vector, reach: float, ground: PointHeights
 ) -> SpannedFoot:
-    """Return the foot with its ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel."""
+    """Return the foot with its ankle `reach` metres from `hip` instead of at `target`: rolled over the toe, or slid on the heel."""
     sole = rotate(rotation, bones.offsets[4])
     toe = add(target, sole)
     to_hip, along = subtract(hip, toe), unit(scale(sole, -1.0))
     cosine = roll_cosine(to_hip, bones.foot_length, reach)
     if abs(cosine) > 1.0:
         to_target = subtract(target, hip)
-        ankle = add(hip, scale(to_target, reach / max(length(to_target), 1e-6)))
+        ankle = add(hip, scale(to_target, reach / max(length(to_target), MIN_SIZE)))
         toe = add(ankle, sole)
     else:
         turned = rolled(to_hip, along, cosine)
@@ -74,7 +75,7 @@ def spanned_foot(
 def ankle_target(
     bones: LegBones, rotation: Quaternion, leg: LegPose, ankle: Vector, drop: float, ground: PointHeights
 ) -> Vector:
-    """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""
+    """Return the ankle target for the IK, raised if the leg is too short and its reachable position lies inside a step."""
     hip, target = leg.raised(-drop), ankle
     for _ in range(REACH_TRIALS):
         to_target = subtract(target, hip)

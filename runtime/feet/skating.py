@@ -20,18 +20,19 @@ SKATING_HEIGHT_M = 0.025  # H
 STANDING_M_PER_S = 0.25
 STANDING_M = 0.04
 RESTING_FRACTION = 0.05  # in this fraction of the frames
+CM_PER_M = 100.0
 
 
 def joint_heights(positions: Array, terrain: Terrain, joints: Sequence[int] = TOES) -> Array:
-    """Heights `(T, n)` in metres over the terrain of `joints` of world positions `(T, 31, 3)`."""
+    """Return heights `(T, n)` (metres) above the terrain of `joints`, for world positions `(T, 31, 3)`."""
     points = positions[:, list(joints)].astype(np.float64)
     return points[..., 1] - terrain.height(points[..., 0], points[..., 2])
 
 
 def measured_contacts(positions: Array, fps: float, terrain: Terrain | None) -> Array:
-    """Contacts `(T, 4)`, 0 or 1, that world positions `(T, 31, 3)` show: soles that are slow and low over the `terrain`.
+    """Return contacts `(T, 4)`, 0 or 1, measured from world positions `(T, 31, 3)`: soles that are slow and low over the terrain.
 
-    A sole is low against its own resting height, so that a ground of an unknown level does too; None is a level one.
+    Low is relative to each sole's own resting height, so the ground may have any level; None is level ground.
     """
     feet = positions[:, list(SOLE_POINTS)].astype(np.float64)
     step = np.gradient(feet, axis=0) if len(feet) > 1 else np.zeros_like(feet)
@@ -43,12 +44,12 @@ def measured_contacts(positions: Array, fps: float, terrain: Terrain | None) -> 
 def skating(
     positions: Array, terrain: Terrain, joints: Sequence[int] = TOES, resting_m: float | Sequence[float] = 0.0
 ) -> Array:
-    """s_f = v_f clamp(2 - 2^(h_f / H), 0, 1) `(T - 1, n)`, cm per frame, of world positions `(T, 31, 3)`.
+    """Return foot skating s_f = v_f clamp(2 - 2^(h_f / H), 0, 1) `(T - 1, n)`, cm per frame, of world positions `(T, 31, 3)`.
 
-    v_f is the horizontal way from the frame before. `resting_m` is taken off the joints' heights: with the heights of
-    joints on a foot that stands flat it is the sole that counts, which is stricter than the paper's formula.
+    v_f is the horizontal displacement since the previous frame. `resting_m` is subtracted from the joints' heights:
+    with the heights of a flat standing foot it measures the sole, which is stricter than the paper's formula.
     """
     way = np.diff(positions[:, list(joints)][..., [0, 2]].astype(np.float64), axis=0)
     height = joint_heights(positions, terrain, joints)[1:] - np.asarray(resting_m)
     weight = np.clip(2.0 - 2.0 ** (height / SKATING_HEIGHT_M), 0.0, 1.0)
-    return 100.0 * np.linalg.norm(way, axis=-1) * weight
+    return CM_PER_M * np.linalg.norm(way, axis=-1) * weight

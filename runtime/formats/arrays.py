@@ -55,14 +55,14 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
 
 
 def save_npz(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
-    """Write the arrays of `take_arrays` as a compressed archive; FileError."""
+    """Write the arrays of `take_arrays` as a compressed NPZ archive. Raises FileError."""
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **take_arrays(take))  # type: ignore[arg-type]
         check()
 
 
 def save_csv(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
-    """Write a row a frame: time, root, contacts, phase, gait, prompt, joint positions and rotations; FileError."""
+    """Write a CSV with one row per frame: time, root, contacts, phase, gait, prompt, joint positions and rotations. Raises FileError."""
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         for first in range(0, len(take.clip), ROWS):
             check()
@@ -76,7 +76,7 @@ def save_csv(take: PreparedTake, path: Path, options: object, terrain: object, c
 
 
 def save_parquet(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
-    """Write the columns of `save_csv` as Parquet, numbers as float32; FileError."""
+    """Write the columns of `save_csv` as Parquet, numbers as float32. Raises FileError."""
     import pandas
 
     columns, (gaits, prompts) = take_columns(take)
@@ -92,7 +92,7 @@ def save_parquet(take: PreparedTake, path: Path, options: object, terrain: objec
 def take_columns(
     take: PreparedTake, rows: slice = ALL
 ) -> tuple[dict[str, NDArray[Any]], tuple[list[str], list[str]]]:
-    """Return columns of numbers by name, and the gait and the prompt of each frame, of some frames."""
+    """Return the numeric columns by name, and the gait and prompt of each frame, for the frames in `rows`."""
     clip = take.clip
     positions, world = SPORT_SKELETON.forward_kinematics(
         clip.hips_positions[rows], clip.local_rotations[rows]
@@ -116,7 +116,7 @@ def take_columns(
 
 
 def gait_names(clip: Clip) -> NDArray[Any]:
-    """Return the gait of each frame `(T,)`, "" where it is not known."""
+    """Return the gait name of each frame `(T,)`, "" if unknown."""
     known = {int(gait): gait.label for gait in Gait}
     gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
     return np.array([known.get(int(gait), "") for gait in gaits])

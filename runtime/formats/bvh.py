@@ -76,7 +76,7 @@ def read_bvh(path: str | Path) -> BvhMotion:
 
 
 def parse_bvh(data: bytes | str, name: str = "BVH") -> BvhMotion:
-    """Parse BVH text, as bytes in UTF-8 or Latin-1; `name` stands in error messages."""
+    """Parse BVH text, as bytes in UTF-8 or Latin-1; `name` is used in error messages."""
     data = data.encode("utf-8", "replace") if isinstance(data, str) else data
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = decode_text(data).encode("utf-8", "replace")
@@ -92,7 +92,7 @@ def parse_bvh(data: bytes | str, name: str = "BVH") -> BvhMotion:
 
 
 def check_size(joints: int, frames: int, name: str) -> None:
-    """Check that `read_bvh` can read a clip of so many joints and frames; UsageError."""
+    """Raise UsageError if a clip of this size is too large for `read_bvh`."""
     if frames > MAX_FRAMES or joints * frames > MAX_JOINT_FRAMES:
         most = min(MAX_FRAMES, MAX_JOINT_FRAMES // joints)
         problem = f"{name}: {frames} frames of {joints} joints; a BVH may have {most}."
@@ -317,11 +317,10 @@ def format_bvh(
     order: str | None = None,
     end_offsets: dict[int, Array] = NO_OFFSETS,
 ) -> str:
-    """Write a motion as BVH text: `local_rotations` `(T, J, 4)`, and `places` of the first joint and others that move.
+    """Write a motion as BVH text: `local_rotations` `(T, J, 4)`, and `places` of the joints that have position channels.
 
-    Places are positions `(T, 3)` against the parent, in metres, by the joint.
-    `order` is that of all rotations; None: `MOVING_ORDER` for the joints with positions, whose heading may be any,
-    and `JOINT_ORDER` for the others.
+    `places` maps a joint to its positions `(T, 3)` relative to its parent, in metres. `order` is the rotation order of all
+    joints; None uses `MOVING_ORDER` for joints with positions, which may have any heading, and `JOINT_ORDER` for others.
     """
     orders = [order or (MOVING_ORDER if j in places else JOINT_ORDER) for j in range(len(skeleton))]
     lines, joints = _hierarchy(skeleton, units_per_metre, orders, end_offsets, places)

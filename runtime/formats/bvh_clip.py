@@ -35,11 +35,11 @@ END_OFFSETS = {SPORT_SKELETON.index(name): np.array(end, np.float32) for name, e
 
 
 class OtherSkeleton(FileError):
-    """A BVH that is sound, but not of the SPORT skeleton."""
+    """Raised if a BVH is valid but does not have the SPORT skeleton."""
 
 
 def check_bvh_length(seconds: float, fps: float) -> None:
-    """Check that `load_clip_bvh` can read a clip of `seconds` at `fps`; UsageError."""
+    """Raise UsageError if a clip of `seconds` at `fps` is too long for `load_clip_bvh`."""
     frames = min(seconds * fps, 1e12)  # what is not finite is refused by those who make a clip
     check_size(J, math.ceil(frames) if frames >= 0.0 else 0, f"{seconds:g} s at {fps:g} frames per second")
 
@@ -52,10 +52,10 @@ def save_bvh(
     order: str | None = None,
     new: bool = False,
 ) -> Path:
-    """Write a BVH that appears whole or not at all, and its `sidecar_path`; the BVH's path.
+    """Write a BVH and its `sidecar_path`, completely or not at all, and return the BVH's path.
 
-    With `new` no file is replaced: a name that is taken becomes name-2, name-3, … .
-    `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS` for all joints, or None as in `format_bvh`. UsageError or FileError.
+    With `new`, no file is replaced: a taken name becomes name-2, name-3, …. `fps` resamples the clip, `unit` is "cm" or
+    "m", `order` is one of `ROTATION_ORDERS` for all joints, or None as in `format_bvh`. Raises UsageError, FileError.
     """
     ExportOptions(fps=fps, unit=unit, euler_order=order).check()
     check_bvh_length(clip.seconds, fps)
@@ -66,7 +66,7 @@ def save_bvh(
 def save_take_bvh(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: object, check: Check
 ) -> None:
-    """Write a prepared take as BVH; with a root on the ground the hips have position channels too. FileError."""
+    """Write a prepared take as BVH; with a ground root the hips also get position channels. Raises FileError."""
     root = take.root if options.ground_root else None
     text = _text(take.clip, options.unit, options.euler_order, root)
     check()
@@ -108,16 +108,16 @@ def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = Non
 
 
 def load_clip_bvh(path: str | Path) -> Clip:
-    """Return the clip of `clip_of_motion`, read from a file. FileError."""
+    """Read a BVH of the SPORT skeleton as a clip; see `clip_of_motion`. Raises FileError."""
     path = Path(path)
     return clip_of_motion(read_bvh(path), path)[0]
 
 
 def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
-    """Make a clip of a motion of the SPORT skeleton in any unit and order; return its unit too, a key of `UNITS_PER_METRE`.
+    """Convert a motion of the SPORT skeleton, in any unit and order, to a clip; also return its unit (key of `UNITS_PER_METRE`).
 
-    FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts, prompts and
-    origin are those that the file itself or the JSON next to it tells; else contacts are zero.
+    Raises FileError for missing joints, a different rest pose or an invalid rate. Contacts, prompts and origin come
+    from the file itself or the JSON next to it; otherwise contacts are zero.
     """
     fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
@@ -134,7 +134,7 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
 
 
 def nearest_unit(metres_per_unit: float) -> str:
-    """Return the key of `UNITS_PER_METRE` that a file's unit is nearest to."""
+    """Return the key of `UNITS_PER_METRE` closest to a file's unit."""
     return min(UNITS_PER_METRE, key=lambda unit: abs(math.log(metres_per_unit * UNITS_PER_METRE[unit])))
 
 

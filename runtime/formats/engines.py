@@ -10,7 +10,7 @@ from runtime.errors import UsageError
 
 @dataclass(frozen=True)
 class Engine:
-    """A program: the unit of its FBX files, whether the way belongs to a root joint, and its names for our joints."""
+    """An engine or program: the unit of its FBX files, whether it expects a root joint on the ground, and its joint names."""
 
     name: str
     fbx_unit: str  # "cm" or "m"
@@ -65,7 +65,7 @@ ENGINES = {engine.name: engine for engine in _TABLE}
 
 
 def engine_of(name: str) -> Engine:
-    """Return the engine of a name; UsageError lists the names."""
+    """Return the engine with this name; UsageError lists the known names."""
     if name not in ENGINES:
         raise UsageError(f" {name[:40]}: unknown.", f"Choose {', '.join(ENGINES)}.", "engine")
     return ENGINES[name]

@@ -36,7 +36,7 @@ KEY_VERSION = 4008
 def save_fbx(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
 ) -> None:
-    """Write a prepared take as FBX; FileError when the character cannot be used or the file not be written."""
+    """Write a prepared take as FBX; FileError if the character cannot be used or the file cannot be written."""
     takes = [take, *further_takes(options, terrain)]
     buffer, _ = glb_document(takes, replace(options, plain=True), terrain, check)
     units = UNITS_PER_METRE[engine_of(options.engine).fbx_unit if options.engine else "m"]
@@ -66,7 +66,7 @@ class _Scene:
         self.binds = {node: self.world[node] for node in self.order}
 
     def write(self, fps: float, check: Check) -> None:
-        """Add all objects to the document."""
+        """Add all objects of the scene to the document."""
         nodes = self.file.gltf.nodes
         for node in self.order:
             self._add_model(node, nodes[node])

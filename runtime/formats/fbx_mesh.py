@@ -24,7 +24,7 @@ CLAMP = 33071  # of a sampler: an image is not repeated
 
 @dataclass(frozen=True)
 class Skin:
-    """A skin: what puts its mesh into the scene, and of each joint where it is bound, its id and its name."""
+    """An FBX skin: the transform of its mesh, and the bind transform, id and name of each joint."""
 
     place: Array  # (4, 4)
     links: Array  # (n, 4, 4)
@@ -49,14 +49,14 @@ class _Layer(NamedTuple):
 
 
 class Meshes:
-    """Adds the meshes of a file to a document with so many units in a metre."""
+    """Adds meshes of a file to an FBX document."""
 
     def __init__(self, file: GltfFile, document: Document, units: float) -> None:
         self.file, self.document, self.units = file, document, units
         self.materials = Materials(file, document)
 
     def add(self, index: int, model: np.int64, skin: Skin | None) -> None:
-        """Add a mesh below a model; one without triangles adds nothing."""
+        """Add a mesh to a model; does nothing if it has no triangles."""
         entry = self.file.gltf.meshes[index]
         parts = _Parts(_Part(self.file, p) for p in entry.primitives if p.mode in (None, 4))
         if not parts:
@@ -147,26 +147,26 @@ class _Part:
                 self.palette, self.shades = list(palette), shades[self.corners[::3]]
 
     def has(self, name: str) -> bool:
-        """Return whether this primitive has the layer."""
+        """Return whether this primitive has the vertex attribute."""
         return name in self.primitive.attributes and not (name == "COLOR_0" and self.palette)
 
     def values(self, name: str) -> AnyArray:
-        """Return values `(rows, n)` of an attribute that is there."""
+        """Return the values `(rows, n)` of an existing attribute."""
         return self.file.values(self.primitive.attributes[name], name)[self.rows]
 
     def normals(self) -> AnyArray:
-        """Return normals `(rows, 3)`."""
+        """Return vertex normals `(rows, 3)`, computed if the primitive has none."""
         if self.has("NORMAL"):
             return self.values("NORMAL")
         return vertex_normals(self.points, self.corners.reshape(-1, 3))
 
     def uv(self, name: str) -> AnyArray:
-        """Return texture coordinates `(rows, 2)` from the lower left."""
+        """Return texture coordinates `(rows, 2)` with the origin at the lower left."""
         values = self.values(name) if self.has(name) else np.zeros((len(self.rows), 2))
         return np.stack([values[:, 0], 1.0 - values[:, 1]], -1)
 
     def colors(self) -> AnyArray:
-        """Return colours `(rows, 4)` in sRGB."""
+        """Return vertex colours `(rows, 4)` in sRGB, white if the primitive has none."""
         colors = np.ones((len(self.rows), 4))
         if self.has("COLOR_0"):
             values = self.values("COLOR_0")
@@ -174,7 +174,7 @@ class _Part:
         return np.concatenate([srgb(colors[:, :3]), colors[:, 3:]], axis=1)
 
     def influences(self, name: str, joints: int) -> AnyArray:
-        """Return joints or weights `(rows, 8)`; those of joints that the skin has not are none."""
+        """Return joint indices or weights `(rows, 8)`; influences of joints outside the skin are removed."""
         values = np.zeros((len(self.rows), 8))
         for k in (0, 1):
             if f"JOINTS_{k}" in self.primitive.attributes and f"WEIGHTS_{k}" in self.primitive.attributes:
@@ -182,7 +182,7 @@ class _Part:
         return np.minimum(values, joints - 1) if name == "JOINTS" else values
 
     def offsets(self, target: int) -> AnyArray:
-        """Return offsets `(rows, 3)` of a morph target."""
+        """Return vertex offsets `(rows, 3)` of a morph target."""
         index = self.targets[target].get("POSITION") if target < len(self.targets) else None
         if index is None:
             return np.zeros((len(self.rows), 3))
@@ -206,11 +206,11 @@ class _Parts(list[_Part]):
     """The primitives of a mesh, whose vertices follow one another."""
 
     def joined(self, values: Callable[..., AnyArray], *given: Any) -> AnyArray:
-        """Return the values of a method of `_Part` for all vertices."""
+        """Return the results of a `_Part` method for all parts, concatenated."""
         return np.concatenate([values(part, *given) for part in self])
 
     def corners(self) -> AnyArray:
-        """Return the vertex `(3 F,)` of each corner of the triangles, int32."""
+        """Return the vertex index `(3 F,)` of each triangle corner, int32."""
         starts = np.cumsum([0] + [len(part.rows) for part in self[:-1]])
         found = [part.corners + start for part, start in zip(self, starts, strict=True)]
         return np.concatenate(found).astype(np.int32)
@@ -246,7 +246,7 @@ def _layers(parts: _Parts, corners: AnyArray, place: Array) -> list[_Layer]:
 
 
 class Materials:
-    """Adds materials of a file to a document, each once."""
+    """Adds materials of a file to an FBX document, each once."""
 
     def __init__(self, file: GltfFile, document: Document) -> None:
         self.file, self.document = file, document
@@ -255,7 +255,7 @@ class Materials:
         self._videos: dict[int, tuple[np.int64, str, str]] = {}
 
     def add(self, index: int | None, color: Array | None = None) -> np.int64:
-        """Return the id of a material (None: one that is white), in a colour of vertices where there is one."""
+        """Return the id of a material (None: white), tinted by a vertex colour if given."""
         key = (index, None if color is None else tuple(color.tolist()))
         if key not in self._materials:
             entry = Entry() if index is None else self.file.gltf.materials[index]

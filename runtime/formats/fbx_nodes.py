@@ -40,7 +40,7 @@ _CLASSES = {"AnimationStack": "AnimStack", "AnimationLayer": "AnimLayer", "Anima
 
 
 class Node:
-    """A node of a file. An `int` among its values has 32 bits, an `np.int64` 64; arrays are packed."""
+    """A node of an FBX file. Python `int` values are written as 32 bits, `np.int64` as 64; arrays are compressed."""
 
     __slots__ = ("children", "name", "values")
 
@@ -49,7 +49,7 @@ class Node:
         self.values = [_encoded(value) for value in values]
 
     def write(self, out: bytearray) -> None:
-        """Append the node with its children."""
+        """Append the binary form of the node and its children to `out`."""
         start, values = len(out), b"".join(self.values)
         out += bytes(12) + bytes([len(self.name)]) + self.name + values
         for child in self.children:
@@ -72,27 +72,27 @@ def _encoded(value: Any) -> bytes:
 
 
 def leaves(**values: Any) -> list[Node]:
-    """Return nodes without children, each of one value."""
+    """Return one node for each keyword, each with a single value and no children."""
     return [Node(name, value) for name, value in values.items()]
 
 
 def properties(*entries: Node) -> Node:
-    """Return the properties of an object, each made by `prop`."""
+    """Return the Properties70 node of an object, with entries made by `prop`."""
     return Node("Properties70", children=entries)
 
 
 def prop(name: str, kind: str, *values: Any, flags: str = "") -> Node:
-    """Return a property of a type of FBX; one with the flag A can be animated, one with U is the user's own."""
+    """Return a typed FBX property; flag A makes it animatable, U marks it as user-defined."""
     return Node("P", name, kind, _LABELS.get(kind, ""), flags, *values)
 
 
 def matrix(name: str, value: AnyArray) -> Node:
-    """Return a transform `(4, 4)`, column by column."""
+    """Return a node with a transform `(4, 4)` in column-major order."""
     return Node(name, np.asarray(value, np.float64).T.ravel())
 
 
 class Document:
-    """The objects of a file, each with an id, and what is connected to what."""
+    """The objects of an FBX file, each with an id, and their connections."""
 
     def __init__(self) -> None:
         self._objects: list[Node] = []
@@ -103,7 +103,7 @@ class Document:
     def add(
         self, kind: str, name: str, form: str, parts: Iterable[Node], above: Id | None = None, part: str = ""
     ) -> Id:
-        """Add an object, connected to the one `above` it; return its id. `part` is the class in its name if that is another."""
+        """Add an object, connected to its parent `above`, and return its id; `part` is the class in its name if different."""
         number = np.int64(1_000_000 + len(self._objects))
         titled = f"{name}\0\1{part or _CLASSES.get(kind, kind)}"
         self._objects.append(Node(kind, number, titled, form, children=parts))
@@ -113,11 +113,11 @@ class Document:
         return number
 
     def connect(self, child: np.int64, above: np.int64, name: str = "") -> None:
-        """Put an object below another, or into the property `name` of it."""
+        """Connect an object to its parent, or to the parent's property `name`."""
         self._connections.append(Node("C", *(("OP", child, above, name) if name else ("OO", child, above))))
 
     def add_take(self, name: str, last: np.int64, note: str) -> np.int64:
-        """Return the id of the layer of a new animation that ends at a time."""
+        """Add an animation that ends at FBX time `last`, and return the id of its layer."""
         ends = {"LocalStart": ZERO, "LocalStop": last, "ReferenceStart": ZERO, "ReferenceStop": last}
         spans = [prop(end, "KTime", time) for end, time in ends.items()]
         stack = self.add(
@@ -127,7 +127,7 @@ class Document:
         return self.add("AnimationLayer", name, "", [], stack)
 
     def to_bytes(self, units_per_metre: float, fps: float) -> bytes:
-        """Return the file: right-handed, Y up, facing +Z."""
+        """Return the binary FBX file: right-handed, Y up, facing +Z."""
         first = next(iter(self._takes), "")
         scene = properties(prop("SourceObject", "object"), prop("ActiveAnimStackName", "KString", first))
         document = Node(

@@ -43,9 +43,9 @@ STILL_M = 1e-6  # metres: a joint that moves less against its parent has no tran
 def save_glb(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
 ) -> None:
-    """Write a prepared take as GLB with the character of `options`, and with the `terrain` where they ask for it.
+    """Write a prepared take as GLB with the character of `options`, including the `terrain` if requested.
 
-    FileError when the character cannot be used or the file not be written.
+    Raises FileError if the character cannot be used or the file cannot be written.
     """
     buffer, _ = glb_document([take, *further_takes(options, terrain)], options, terrain, check)
     check()
@@ -60,7 +60,7 @@ def glb_document(
     ground_vertices: int | None = None,
     ground_margin_m: float = MARGIN_M,
 ) -> tuple[GlbBuffer, int]:
-    """Return the document of `save_glb` with some takes, and the number of its node of the hips. FileError."""
+    """Return the document of `save_glb` for some takes, and the index of its hips node. Raises FileError."""
     source = options.character or asset_path(MANNEQUIN)
     character = load_character(source, options.joint_map, options.character_unit)
     file, _ = open_character(source)
@@ -92,7 +92,7 @@ def _drop_meshes(gltf: GLTF2) -> None:
 
 
 def further_takes(options: ExportOptions, terrain: Terrain | None) -> list[PreparedTake]:
-    """Read the further takes of an export, each on the ground that it names, else on that of the first. FileError."""
+    """Read the additional takes of an export, each on the ground that it names, or else on `terrain`. Raises FileError."""
     clips = [(open_take(path).clip, path) for path in options.with_takes]
     return [
         prepare(clip, options, ground_of(clip, path) if names_ground(clip) else terrain)
@@ -101,10 +101,7 @@ def further_takes(options: ExportOptions, terrain: Terrain | None) -> list[Prepa
 
 
 def body_size(clip: Clip, options: ExportOptions, character: Character) -> float:
-    """Return the scale of a clip for a character: by the character's own size, or by that which the clip was made in.
-
-    A clip that was made for another size is carried over whole, with its steps and its ground.
-    """
+    """Return the scale of a clip for a character: the character's own size, or the size for which the clip was made."""
     return clip.size if options.character is None or options.fit_to_motion else character.size
 
 
@@ -126,7 +123,7 @@ def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str, check: 
 def add_animation(
     buffer: GlbBuffer, take: PreparedTake, name: str, channels: list[tuple[int, str, Array]]
 ) -> None:
-    """Add a take as an animation: of nodes the "translation" `(T, 3)` or "rotation" `(T, 4)`, a key a frame."""
+    """Add a take as an animation with one key per frame; channels are (node, "translation" or "rotation", values `(T, 3 or 4)`)."""
     import pygltflib as g
 
     seconds = np.arange(len(take.clip)) / take.clip.fps

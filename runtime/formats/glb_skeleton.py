@@ -32,10 +32,10 @@ SAME_TOLERANCE = 1e-4  # a character that needs less scaling and turning than th
 
 @dataclass
 class Rig:
-    """A character's nodes with what moves them.
+    """A character's node hierarchy, prepared for animation.
 
-    `joints` maps nodes to joints of the character, `space` `(4, 4)` carries the file's space to the take's (metres,
-    Y up, facing +Z), `parents` are the nodes' parents, `rest` their world matrices in the take's space.
+    `joints` maps nodes to character joints, `space` `(4, 4)` transforms the file's space to the take's (metres, Y up,
+    facing +Z), `parents` are the nodes' parents, `rest` their world matrices in the take's space.
     """
 
     character: Character
@@ -53,7 +53,7 @@ class Rig:
 
     @property
     def sport_nodes(self) -> dict[str, int]:
-        """The nodes of the SPORT joints that the character has."""
+        """The node of each SPORT joint that the character has."""
         played = self.character.sport_joints
         return {SPORT_SKELETON.names[played[k]]: node for node, k in self.joints.items() if played[k] >= 0}
 
@@ -67,10 +67,10 @@ def open_rig(
     plain: bool = False,
     size: float = 1.0,
 ) -> Rig:
-    """Return the rig of a character's document: its scene holds the character alone, in the take's space.
+    """Return the rig of a character; its document then contains the character alone, in the take's space.
 
-    `plain`: joints have no scales and nothing but one node above them, as engines expect it. `size` is how many metres a metre of the take is;
-    one of its own leaves the file's metres as they are.
+    `plain` removes joint scales and all but one node above the joints, as engines expect. `size` is the factor on the
+    take's metres; 1 keeps the file's metres.
     """
     joints: dict[int, int] = {}
     for k, node in enumerate(data.joint_nodes):
@@ -148,7 +148,7 @@ def _under_joint(rig: Rig, node: int) -> bool:
 
 
 def written(rig: Rig, world: Array) -> Array:
-    """Return world matrices `(..., 4, 4)` of joints as the file has them: of a plain rig without their scale."""
+    """Return joint world matrices `(..., 4, 4)` as they are written to the file: without scale for a plain rig."""
     if not rig.plain:
         return world
     result = world.copy()
@@ -245,7 +245,7 @@ def local_rest(rig: Rig, node: int) -> Array:
 
 
 def set_local(node: Node, matrix: Array) -> tuple[Array, Array]:
-    """Give a node a transform as translation, rotation and scale; the rotation `(4,)` and scale `(3,)`."""
+    """Set a node's transform as translation, rotation and scale; return the rotation `(4,)` and scale `(3,)`."""
     turn, scale = rotation_and_scale(matrix)
     node.matrix, node.translation, node.rotation = None, matrix[:3, 3].tolist(), _xyzw(turn)
     node.scale = None if np.allclose(scale, 1.0, atol=1e-6) else scale.tolist()
@@ -253,7 +253,7 @@ def set_local(node: Node, matrix: Array) -> tuple[Array, Array]:
 
 
 def rotation_and_scale(matrix: Array) -> tuple[Array, Array]:
-    """Return the rotation `(4,)` and the scale `(3,)` of a transform `(4, 4)`."""
+    """Return the rotation `(4,)` and scale `(3,)` of a transform `(4, 4)`."""
     linear = matrix[:3, :3]
     scale = np.linalg.norm(linear, axis=0) * (1.0 if np.linalg.det(linear) >= 0.0 else -1.0)
     return nearest_rotation(linear / scale), scale
@@ -264,7 +264,7 @@ def _xyzw(turn: Array) -> list[float]:
 
 
 def nearest_rotation(linear: Array) -> Array:
-    """Return quaternions `(..., 4)` of the rotations nearest to matrices `(..., 3, 3)`."""
+    """Return the quaternions `(..., 4)` nearest to matrices `(..., 3, 3)`."""
     left, _, right = np.linalg.svd(linear)
     sign = np.linalg.det(left @ right)
     left = left * np.stack([np.ones_like(sign), np.ones_like(sign), sign], -1)[..., None, :]
@@ -272,7 +272,7 @@ def nearest_rotation(linear: Array) -> Array:
 
 
 def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array]:
-    """Return world matrices `(n, 4, 4)` in the take's space of every joint node in some frames of a take."""
+    """Return the world matrices `(n, 4, 4)` of every joint node in the take's space, for a range of frames."""
     clip, character = take.clip, rig.character
     begin = max(frames.start - HANDS_FRAMES, 0)  # hands go on over the ends of a part
     wide = slice(begin, min(frames.stop + HANDS_FRAMES, len(clip)))
@@ -306,7 +306,7 @@ def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array
 
 
 def rename_bones(rig: Rig, bones: Mapping[str, str]) -> None:
-    """Give the joints of a rig the names of an engine's humanoid, those that `bones` has none for keep theirs."""
+    """Rename the joints of a rig to an engine's humanoid names; joints without an entry keep their names."""
     node_of = rig.sport_nodes | {"Root": rig.root_node}
     wanted: dict[int, str] = {}
     for name, bone in bones.items():

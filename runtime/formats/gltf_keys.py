@@ -22,14 +22,14 @@ _SQUARE_TOLERANCE = 1e-4  # of a matrix that is a rotation but for rounding
 
 @dataclass(frozen=True)
 class Channel:
-    """Keys of one property of a node; a cubic has in-tangent, value and out-tangent of each."""
+    """Keyframes of one property of a node; cubic keys store in-tangent, value and out-tangent."""
 
     times: Array  # (K,) seconds
     values: Array  # (K, width), or (K, 3, width)
     kind: str
 
     def at(self, seconds: Array) -> Array:
-        """Interpolate values `(T, width)` at times as the specification says; beyond the ends they are those of the ends."""
+        """Interpolate values `(T, width)` at the given times as glTF specifies; constant beyond the ends."""
         k = np.searchsorted(self.times, seconds + AT_KEY_S, side="right") - 1
         k = np.clip(k, 0, max(len(self.times) - 2, 0))
         after = np.minimum(k + 1, len(self.times) - 1)
@@ -52,7 +52,7 @@ Channels = dict[tuple[int, str], Channel]  # by node and property
 
 
 def read_channels(file: GltfFile, animation: Any) -> Channels:
-    """Return keys by node and property. FileError where times and values do not fit each other."""
+    """Return the keyframes by node and property. Raises FileError if times and values do not match."""
     found, nodes = {}, range(len(file.gltf.nodes or []))
     for channel in animation.channels or []:
         node, path = channel.target.node, channel.target.path
@@ -98,7 +98,7 @@ def _of_one_sign(times: Array, values: Array) -> Array:
 
 @dataclass(frozen=True)
 class MovingNodes:
-    """Nodes, parents first, that rest at local matrices `(nodes, 4, 4)`, and the channels that move them."""
+    """Animated nodes, parents first, with their local rest matrices `(nodes, 4, 4)` and channels."""
 
     nodes: list[int]
     parents: Sequence[int]
@@ -106,7 +106,7 @@ class MovingNodes:
     channels: Channels
 
     def world(self, seconds: Array) -> dict[int, Array]:
-        """Return world matrices `(T, 4, 4)` of each node at times."""
+        """Return world matrices `(T, 4, 4)` of each node at the given times."""
         made: dict[int, Array] = {}
         for node in self.nodes:
             local = self._local(node, seconds)
@@ -131,7 +131,7 @@ class MovingNodes:
 
 
 def rotation_parts(matrices: Array) -> Array:
-    """Return the rotations `(..., 3, 3)` nearest to matrices `(..., 3, 3)` that may scale, mirror and shear."""
+    """Return the rotations `(..., 3, 3)` nearest to matrices that may contain scale, mirroring and shear."""
     size = np.linalg.norm(matrices, axis=-2, keepdims=True)
     flat = size.min(axis=(-2, -1), keepdims=True) < _FLAT_SCALE
     turn = np.where(flat, np.eye(3), matrices / np.maximum(size, 1e-12))

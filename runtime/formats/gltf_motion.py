@@ -63,18 +63,18 @@ class _Animation:
 
     @property
     def known(self) -> bool:
-        """Return whether it moves a body that names or tree tell."""
+        """Return whether it animates a body recognised by names or hierarchy."""
         return self.body is not None and self.body.known and self.moved > 0
 
     def moves_half(self, most: int) -> bool:
-        """Return whether it moves half of its body, or half of `most` joints; any motion is enough without a body."""
+        """Return whether it animates half of its body, or of `most` joints if fewer; without a body any motion is enough."""
         return bool(self.channels) and (self.body is None or self.moved >= self.body.half(most))
 
 
 def contents(path: Path) -> tuple[bool, bool]:
-    """Return whether a file has a mesh with a skin, and whether it moves its nodes; FileError when it cannot be read.
+    """Return whether a file has a skinned mesh, and whether it has a motion; FileError if it cannot be read.
 
-    A take that was exported here is a motion alone: its mesh is only who moved in it.
+    For a take exported by this program the mesh does not count: it only shows who moved.
     """
     file = open_gltf(path, motion=True)
     skinned = any(node.mesh is not None and node.skin is not None for node in file.gltf.nodes or [])
@@ -92,10 +92,10 @@ def _moves(file: GltfFile, animation: Entry) -> bool:
 
 
 def read_gltf_motion(path: Path, animation: str = "") -> BvhMotion:
-    """Read the animation of a name, or the first that moves a body, in metres; `animations` lists what may be named.
+    """Read the named animation, or the first that moves a body, in metres; the result's `animations` lists all names.
 
-    An animation that moves several bodies is listed once for each: "walk" is its first one, "walk / NPC" another.
-    FileError where there is none, or it is damaged.
+    An animation of several bodies is listed once per body: "walk" for the first one, "walk / NPC" for another. Raises
+    FileError if there is none or it is damaged.
     """
     file = open_gltf(path, motion=True)
     try:

@@ -25,15 +25,15 @@ COLOR = (0.42, 0.44, 0.40)  # linear RGB
 
 
 def names_ground(clip: Clip) -> bool:
-    """Return whether the metadata of a clip name its ground."""
+    """Return whether a clip's metadata says which ground it was made on."""
     return clip.terrain != "flat" or bool(clip.prompts) or clip.origin != UNKNOWN
 
 
 def ground_spec(clip: Clip, clip_path: Path | None = None, chosen: str | None = None) -> str:
-    """Return the name or file of the ground under `clip`: `chosen`, or the one of its metadata.
+    """Return the name or file of the ground under `clip`: `chosen`, or the one in its metadata.
 
-    Metadata keep only the name of a ground from a file: it is looked for as it is, and next to the clip. FileError when
-    it is in neither place, with the remedy to name it.
+    Metadata only has the file name of a ground: it is looked up as it is and next to the clip. Raises FileError if it
+    is in neither place.
     """
     if chosen is not None or clip.placed is None:
         return "flat" if chosen is None else chosen
@@ -50,16 +50,16 @@ def ground_spec(clip: Clip, clip_path: Path | None = None, chosen: str | None = 
 
 
 def ground_of(clip: Clip, clip_path: Path | None = None, chosen: str | None = None) -> Terrain:
-    """Return the terrain of `ground_spec`, as the body that the clip was made for sees it."""
+    """Return the terrain of `ground_spec`, scaled for the body that the clip was made for."""
     return load_terrain(ground_spec(clip, clip_path, chosen)).seen_by(clip.size)
 
 
 def ground_mesh(
     terrain: Terrain, take: PreparedTake, most: int | None = None, margin_m: float = MARGIN_M
 ) -> tuple[Array, NDArray[np.uint32]]:
-    """Return vertices `(V, 3)` in the lengths of the take, under it, and triangles `(F, 3)`, counter-clockwise from above.
+    """Return vertices `(V, 3)` in the take's units and triangles `(F, 3)`, counter-clockwise from above, of the ground under a take.
 
-    Every sample of the height map is a vertex, so heights there are exact; a level ground is two triangles.
+    Every sample of the height map is a vertex, so heights are exact there; level ground is two triangles.
     """
     terrain = terrain.seen_by(take.clip.size)
     x, z = (
@@ -95,7 +95,7 @@ def _near(axis: Array, take: PreparedTake, component: int, margin_m: float) -> s
 def save_ground(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
 ) -> str:
-    """Write the ground of a take as OBJ or GLB in the unit of the options, and say so. UsageError without one."""
+    """Write the ground of a take as OBJ or GLB in the unit of the options; return a sentence about it. UsageError without a ground."""
     if terrain is None:
         raise UsageError(f"{path}: the take has no ground.", "Choose one with --terrain.")
     check()
@@ -124,7 +124,7 @@ def add_ground(
     most: int | None = None,
     margin_m: float = MARGIN_M,
 ) -> None:
-    """Add the ground as a node of its own to a document's scene."""
+    """Add the ground to a document's scene as a separate node."""
     import pygltflib as g
 
     from runtime.character.mesh import vertex_normals

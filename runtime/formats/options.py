@@ -40,9 +40,9 @@ CAMERAS = {
 
 @dataclass(frozen=True)
 class ExportSpec(Spec):
-    """A `Spec` with an argument: `help`, `metavar`, what `parse`s it, and `dest`, its name where the flag is another.
+    """A `Spec` with a command-line argument: `help`, `metavar`, its `parse` function, and `dest`, its name if not that of the flag.
 
-    A format that is neither in `formats` nor in `ignored_by` refuses a value other than the default.
+    A value other than the default is refused for formats in neither `formats` nor `ignored_by`.
     """
 
     help: str = ""
@@ -53,21 +53,21 @@ class ExportSpec(Spec):
 
     @property
     def argument(self) -> str:
-        """The name of the parsed argument, and of the column of a batch."""
+        """The name of the parsed argument, and of the column in a batch file."""
         return self.dest or self.flag.removeprefix("--").replace("-", "_")
 
 
 def option(default: Any, formats: frozenset[str] = frozenset(), flag: str = "", **spec: Any) -> Any:
-    """Return a field of a dataclass with its `ExportSpec`."""
+    """Return a dataclass field with its `ExportSpec`."""
     return field(default=default, metadata={"spec": ExportSpec(formats=formats, flag=flag, **spec)})
 
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Options of an export; `unit` concerns BVH and the ground next to it, GLB and FBX are in metres.
+    """Options of an export; `unit` applies to BVH and its ground file, while GLB and FBX are in metres.
 
-    `start_s` and `end_s` (None: to the last frame) are one argument. `character` None is the mannequin, `engine` None
-    any program. `plain`, without an argument: joints without scales, and one node above them.
+    `start_s` and `end_s` (None: the last frame) are one argument. `character` None is the mannequin, `engine` None is
+    any program. `plain`, which has no argument, removes joint scales and all but one node above the joints.
     """
 
     fps: float = option(
@@ -195,16 +195,16 @@ class ExportOptions:
 
     @property
     def rooted(self) -> bool:
-        """Return whether there is a root joint on the ground: as an option, or since the engine expects one."""
+        """Return whether the export has a root joint on the ground, by option or because the engine expects one."""
         return self.ground_root or (self.engine is not None and engine_of(self.engine).ground_root)
 
     @property
     def bones(self) -> Mapping[str, str]:
-        """The names of our joints in the engine's humanoid; empty without an engine."""
+        """The engine's names for SPORT joints; empty without an engine."""
         return {} if self.engine is None else engine_of(self.engine).bones
 
     def check(self) -> None:
-        """Check the options together; UsageError names the one that cannot be used."""
+        """Raise UsageError that names the first option that cannot be used with the others."""
         for name, usable, problem, remedy in _RULES:
             if not usable(self):
                 raise UsageError(problem(self), remedy, name)

@@ -27,7 +27,7 @@ GROUND_VERTICES, GROUND_MARGIN_M = 24_000, 5.0  # of the ground about the take: 
 def save_page(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
 ) -> None:
-    """Write the page; the take lies on its `terrain` where it goes over it. FileError."""
+    """Write a take as a web page, with its `terrain` if it has a place on it. Raises FileError."""
     ground = terrain is not None and take.clip.placed is not None
     options = replace(options, with_ground=ground)
     takes = [take, *further_takes(options, terrain)]

@@ -23,14 +23,14 @@ Check = Callable[[], None]  # called again and again while a file is made: ends 
 
 
 def go_on() -> None:
-    """Do nothing: the `Check` of an export that is not cancelled."""
+    """Do nothing; the default `Check` for exports that cannot be cancelled."""
 
 
 @dataclass(frozen=True)
 class PreparedTake:
     """A clip ready to be written; `root` has one entry for each of its frames.
 
-    `placement` is where the ground goes with it, and `rest_frame` says that frame 0 is the rest pose.
+    `placement` is the transform applied to the clip, which the ground needs too; `rest_frame`: frame 0 is the rest pose.
     """
 
     clip: Clip
@@ -40,7 +40,7 @@ class PreparedTake:
 
 
 def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) -> PreparedTake:
-    """Make of `clip` what `options` ask for, on its `terrain` (None: on the level of its lowest sole). UsageError as in `check`."""
+    """Apply the export `options` to a clip on its `terrain` (None: level ground under its lowest sole). Raises UsageError."""
     options.check()
     terrain = None if terrain is None or clip.placed is None else terrain.seen_by(clip.size)
     at_rate = with_contacts(on_its_ground(clip), terrain).resampled(options.fps)
@@ -79,19 +79,19 @@ def _printable(clip: Clip) -> Clip:
 
 
 def placement_of(clip: Clip) -> Placement:
-    """Return the placement by which an export moved a clip from its place on its ground."""
+    """Return the transform by which an export moved a clip from its place on its ground."""
     yaw, x, y, z = clip.placed or UNMOVED
     return Placement(yaw, (x, y, z))
 
 
 def on_its_ground(clip: Clip) -> Clip:
-    """Put a clip back in its place on its ground, wherever an export moved it; what lost its ground stays."""
+    """Undo the placement of an export, so that the clip is back on its ground; clips without a placement are unchanged."""
     placement = placement_of(clip)
     return clip if placement.identity else replace(placement.inverse().clip(clip), placed=UNMOVED)
 
 
 def with_contacts(clip: Clip, terrain: Terrain | None) -> Clip:
-    """Give a clip on its ground the contacts that its motion shows if it has none, as from a file that lost them."""
+    """Return the clip with contacts measured from its motion, if it has none."""
     if clip.contacts.any():
         return clip
     ground = None if terrain is None else terrain.seen_by(clip.size)

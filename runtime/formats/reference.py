@@ -33,7 +33,7 @@ SOLES = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """A motion of another skeleton on ours, on flat ground; `scale` is metres of it for a unit of the file."""
+    """A motion retargeted from another skeleton to ours, on flat ground; `scale` is metres per unit of the file."""
 
     clip: Clip
     own: OwnSkeleton  # as it is in the file
@@ -42,7 +42,7 @@ class ReferenceMotion:
     scale: float
 
     def describe(self) -> str:
-        """Return a phrase for the user: joints found, and how."""
+        """Return a phrase for the user: how many joints were found, and how."""
         return f", another skeleton: {self.joints} of {J} joints by {self.origin}, a reference to look at"
 
 
@@ -55,7 +55,7 @@ class _Rest:
 
 @dataclass(frozen=True)
 class OpenedTake:
-    """A take from a file, its unit (a key of `UNITS_PER_METRE`), and what a person should know of it."""
+    """A take read from a file, its unit (a key of `UNITS_PER_METRE`), and a note for the user."""
 
     clip: Clip
     unit: str
@@ -65,9 +65,9 @@ class OpenedTake:
 
 
 def open_take(path: Path, animation: str = "") -> OpenedTake:
-    """Read a motion of our skeleton, or of any two-legged one whose joints can be found, as a clip of ours. FileError.
+    """Read a motion file as a clip, retargeted if it has another skeleton with two legs. Raises FileError.
 
-    BVH, glTF, VRMA or FBX; of several animations the one of a name, else the first that moves a body.
+    Reads BVH, glTF, VRMA or FBX; `animation` chooses one by name, else the first that moves a body.
     """
     motion = read_bvh(path) if is_bvh(path) else read_gltf_motion(path, animation)
     reference = None
@@ -82,7 +82,7 @@ def open_take(path: Path, animation: str = "") -> OpenedTake:
 
 
 def is_bvh(path: Path) -> bool:
-    """Return whether a file is read as BVH: any ending that is no other motion format."""
+    """Return whether a file is read as BVH, which is the default for unknown endings."""
     return path.suffix.lower() not in MOTIONS[1:]
 
 

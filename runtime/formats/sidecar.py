@@ -51,13 +51,13 @@ MAX_NAME = 250  # bytes of a file name, less those of ".json"
 
 
 def sidecar_path(bvh: Path) -> Path:
-    """Return the path of the metadata of a BVH file."""
+    """Return the path of the metadata file next to a BVH."""
     name = bvh.name.encode(errors="surrogateescape")[:MAX_NAME].decode(errors="surrogateescape")
     return bvh.with_name(name + ".json")
 
 
 def format_metadata(clip: Clip, bvh_text: str) -> str:
-    """Return the JSON text for a clip whose BVH has this text; a ground from a file goes by the file's name alone."""
+    """Return the JSON metadata of a clip, with a hash of its BVH text; a ground from a file is stored by file name only."""
     value = {
         **_metadata(clip),
         "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),
@@ -85,7 +85,7 @@ def _metadata(clip: Clip) -> dict[str, Any]:
 
 
 def foot_tracks(clip: Clip) -> dict[str, dict[str, list[float]]]:
-    """Return, frame by frame, contacts (0 to 1) of each sole point and the phase of each foot (radians or `NO_PHASE_ANGLE`)."""
+    """Return per-frame tracks: contact (0 to 1) of each sole point, and phase of each foot (radians or `NO_PHASE_ANGLE`)."""
     phases = np.nan_to_num(foot_phases(clip), nan=NO_PHASE_ANGLE)
     columns = (("contacts", CONTACTS, clip.contacts), ("phase", FEET, phases))
     return {
@@ -95,7 +95,7 @@ def foot_tracks(clip: Clip) -> dict[str, dict[str, list[float]]]:
 
 
 def foot_phases(clip: Clip) -> NDArray[np.float32]:
-    """Return phases `(T, 2)` of feet: 0 where one comes down, 2 pi where it does so again; NaN before, after, and at rest."""
+    """Return the phase of each foot `(T, 2)`: 0 at a landing, 2 pi at the next; NaN before, after and at rest."""
     phases = np.full((len(clip), len(FEET)), np.nan, np.float32)
     for foot in range(len(FEET)):
         down = clip.contacts[:, 2 * foot : 2 * foot + 2].max(axis=1) > 0.5
@@ -106,9 +106,9 @@ def foot_phases(clip: Clip) -> NDArray[np.float32]:
 
 
 def read_sidecar(bvh: Path) -> Any:
-    """Return the metadata in the file next to a BVH, None without one that belongs to that very BVH.
+    """Return the metadata next to a BVH, or None if it is missing or belongs to another BVH.
 
-    A take from an older program has none, and a motion can be opened whatever stands next to it: damage is a warning in the log.
+    Damage is only logged as a warning: a motion can be opened whatever is next to it.
     """
     path = sidecar_path(bvh)
     if not path.is_file():
@@ -126,9 +126,9 @@ def read_sidecar(bvh: Path) -> Any:
 
 
 def clip_fields(value: Any, path: Path, fps: float, frames: int) -> dict[str, Any]:
-    """Read fields of a `Clip` from metadata that are not trusted; those that are missing or wrong have their defaults.
+    """Read the fields of a `Clip` from untrusted metadata; missing or wrong fields get their defaults.
 
-    Contacts are zeros where nothing is known of them, and all that is known where `value` is no metadata of a take.
+    If `value` is not metadata of a take, only `contacts` is returned, as zeros.
     """
     found: dict[str, Any] = {"contacts": np.zeros((frames, len(CONTACTS)), np.float32)}
     if not isinstance(value, dict) or value.get("format") != _FORMAT:
@@ -191,9 +191,9 @@ def _placed(value: Any) -> tuple[float, ...] | None:
 
 
 def markers(clip: Clip) -> list[dict[str, Any]]:
-    """Return markers `{"kind": "prompt" | "gait", "name", "seconds", "frame"}` in the order of time.
+    """Return markers `{"kind": "prompt" | "gait", "name", "seconds", "frame"}` in order of time.
 
-    Gaits are there where the clip knows them frame by frame.
+    Gait markers exist only if the clip has gaits per frame.
     """
     marks = [("prompt", title(event), max(event.seconds, 0.0)) for event in clip.prompts]
     marks += [("gait", name, seconds) for seconds, name in gait_changes(clip.gaits, clip.fps)]
@@ -204,7 +204,7 @@ def markers(clip: Clip) -> list[dict[str, Any]]:
 
 
 def take_extras(take: PreparedTake) -> dict[str, Any]:
-    """Return what a GLB keeps in `extras` under "sport": the metadata, markers, loop, rest frame, and the tracks of the feet."""
+    """Return the `extras` of a GLB under "sport": metadata, markers, loop, rest frame and foot tracks."""
     clip = take.clip
     return {
         **_metadata(clip),

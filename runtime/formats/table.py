@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 
 class ExportCancelled(SportError):
-    """An export that the user has stopped; nothing was written."""
+    """Raised if the user cancels an export; nothing was written."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format of a take: its ending, its name in the window, and what the file is.
+    """A format of a take: its ending, its name in the window, and a description.
 
-    `write` names a function of `runtime.formats` that writes a take, with the ending at its end; "" for a film. `needs`
-    are modules that it takes, with the packages that have them.
+    `write` names the function of `runtime.formats` that writes a take; "" for a film. `needs` lists required modules,
+    each with the package that contains it.
     """
 
     suffix: str
@@ -41,7 +41,7 @@ class Format:
 
     @property
     def options(self) -> frozenset[str]:
-        """The fields of `ExportOptions` that change the file."""
+        """The fields of `ExportOptions` that affect this format."""
         names = (entry.name for entry in fields(ExportOptions))
         return frozenset(name for name in names if self.suffix in spec_of(ExportOptions, name).formats)
 
@@ -51,7 +51,7 @@ class Format:
         return not self.write
 
     def check_program(self, path: Path) -> None:
-        """Check the libraries that write this format; UsageError says which one is missing, and how to get it."""
+        """Raise UsageError if a library of this format is missing, with how to install it."""
         missing = [package for name, package in self.needs if importlib.util.find_spec(name) is None]
         if missing:
             problem = f"{path}: {' and '.join(missing)}, which writes it, is not installed."
@@ -80,7 +80,7 @@ FORMATS = {format.suffix: format for format in _TABLE}
 
 
 def format_of(path: Path) -> Format:
-    """Return the format that a file's name says; UsageError lists those that are written."""
+    """Return the format for a file's ending; UsageError lists the known ones."""
     found = FORMATS.get(path.suffix.lower())
     if found is not None:
         return found
@@ -92,7 +92,7 @@ def format_of(path: Path) -> Format:
 
 
 def check_export(path: Path, options: ExportOptions) -> None:
-    """Check options, ending and libraries before a take is made. UsageError."""
+    """Check options, ending and libraries before a take is generated. Raises UsageError."""
     options.check()
     format = format_of(path)
     for entry in fields(ExportOptions):
@@ -113,10 +113,10 @@ def save_motion(
     terrain: Terrain | None = None,
     check: Check = lambda: None,
 ) -> list[str]:
-    """Write a take as its ending says (no film: `viewer.filming`), and its ground next to it; a sentence about each file.
+    """Write a take in the format of the file's ending, and its ground if requested; return a sentence about each file.
 
-    `terrain` is what it was made on; without one, the ground is the level of its lowest sole. `check` may
-    end it at many places by an exception: no file is there then. UsageError or FileError.
+    `terrain` is the ground of the clip; None is level ground under its lowest sole. `check` is called often and may
+    cancel with an exception, which leaves no file. Films are made by `viewer.filming`. Raises UsageError, FileError.
     """
     from runtime.formats.prepare import prepare
 
@@ -136,7 +136,7 @@ def save_motion(
 def save_ground_beside(
     take: PreparedTake, options: ExportOptions, terrain: Terrain | None, unit: str = "m"
 ) -> list[str]:
-    """Write the ground of a prepared take in a unit where the options ask for it; UsageError where it has none."""
+    """Write the ground of a prepared take if the options ask for it; UsageError if it has no ground."""
     from runtime.formats.ground import save_ground
 
     if options.ground_out is None:
@@ -145,7 +145,7 @@ def save_ground_beside(
 
 
 def describe(take: PreparedTake, path: Path) -> str:
-    """Return a sentence about the file: frames, rate, seconds, loop."""
+    """Return a sentence about the written file: frames, rate, seconds, loop."""
     count, fps = len(take.clip), take.clip.fps
     text = f"{path}: {count} frames at {fps:g} fps, {count / fps:.1f} s"
     return text if take.clip.loop is None else f"{text}; {take.clip.loop.describe()}"

@@ -38,9 +38,9 @@ PACKED_S = 1e9  # the time of every file in a package: equal takes are equal fil
 def save_usd(
     take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
 ) -> str:
-    """Write a prepared take as `.usd` (one layer) or `.usdz` (with its textures inside), and say so.
+    """Write a prepared take as `.usd` (one layer) or `.usdz` (textures included), and return a sentence about it.
 
-    FileError when the character cannot be used or the file not be written.
+    Raises FileError if the character cannot be used or the file cannot be written.
     """
     from pxr import Tf, UsdUtils
 
@@ -108,7 +108,7 @@ class _Stage:
 
     @property
     def renamed(self) -> str:
-        """Return a phrase that lists joints renamed because their names are invalid in USD or duplicate; "" without any."""
+        """Return a phrase that lists joints renamed because their names are duplicate or invalid in USD; "" if none were."""
         own = [self.file.gltf.nodes[node].name for node in self.joints]
         both = zip(own, self.names, strict=True)
         pairs = [f"{old[:40]} is {new[:40]}" for old, new in both if old and old != new]
@@ -374,7 +374,7 @@ class _Stage:
 
 
 def unique_names(names: Sequence[str]) -> list[str]:
-    """Make identifiers of USD of names, each there once, with letters of any script: some readers know joints by name alone."""
+    """Convert names to unique USD identifiers, keeping letters of any script; some readers know joints by name alone."""
     from pxr import Sdf
 
     found: dict[str, None] = {}

@@ -25,7 +25,7 @@ BETWEEN = sorted({SPORT_SKELETON.parents[joint] for joint in BONES} - {-1, *BONE
 
 
 def save_vrma(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
-    """Write a prepared take; FileError."""
+    """Write a prepared take as a VRM animation. Raises FileError."""
     import pygltflib as g
 
     buffer, size = GlbBuffer(g.GLTF2(asset=g.Asset(version="2.0", generator="SPORT viewer"))), take.clip.size

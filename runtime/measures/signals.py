@@ -40,7 +40,7 @@ Reader = Callable[["Part"], Any]  # a value in every frame, or one of all
 
 @dataclass(frozen=True)
 class Clip:
-    """A motion: hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)` heel and toe, left first."""
+    """A motion to measure: hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)` heel and toe, left first."""
 
     hips: Array
     local: Array
@@ -58,33 +58,33 @@ class Clip:
 
     @cached_property
     def body(self) -> Array:
-        """Positions `(T, 31, 3)` in the frame of the body."""
+        """Joint positions `(T, 31, 3)` in the body frame."""
         away = self.world[0] - self.hips[:, None] * np.array([1, 0, 1])
         return rotations.rotate(self._undo[:, None], away)
 
     @cached_property
     def turned(self) -> Array:
-        """Rotations `(T, 31, 4)` in the frame of the body."""
+        """Joint rotations `(T, 31, 4)` in the body frame."""
         return rotations.multiply(self._undo[:, None], self.world[1])
 
     @cached_property
     def speed(self) -> Array:
-        """Metres per second `(T,)` of the root."""
+        """Horizontal speed of the root `(T,)`, m/s."""
         ground = self.hips[:, [0, 2]]
         return np.linalg.norm(np.diff(ground, axis=0, append=ground[-1:]), axis=1) * FPS
 
     @cached_property
     def cycle_yaw(self) -> Array:
-        """The way that the pelvis faces, over a gait cycle: `(T,)` radians."""
+        """Yaw `(T,)` of the pelvis, radians, averaged over a gait cycle."""
         across = self.across("UpLeg")
         return smoothed(np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))[:, None], CYCLE_S)[:, 0]
 
     def across(self, joint: str) -> Array:
-        """From the right to the left one of a pair of joints, in world space `(T, 3)`."""
+        """Return the vector `(T, 3)` from the right to the left of a pair of joints, in world space."""
         return self.world[0][:, _AT(f"Left{joint}")] - self.world[0][:, _AT(f"Right{joint}")]
 
     def in_cycle(self, joint: str) -> Array:
-        """The same about the way that the pelvis faces over a cycle."""
+        """Return `across(joint)` relative to the pelvis yaw of the gait cycle, `(T, 3)`."""
         return rotations.rotate(rotations.inverse(rotations.from_yaw(self.cycle_yaw)), self.across(joint))
 
     @cached_property
@@ -94,23 +94,23 @@ class Clip:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the body in a motion: `side` is "Left", "Right", or "" of trunk and head, `sign` 1 of what is on the left."""
+    """A body part in a motion: `side` is "Left", "Right", or "" for trunk and head; `sign` is 1 on the left, -1 on the right."""
 
     clip: Clip
     side: str = ""
     sign: float = 1.0
 
     def at(self, joint: str) -> Array:
-        """A joint of this side `(T, 3)` in the frame of the body."""
+        """Return the positions `(T, 3)` of a joint on this side, in the body frame."""
         return self.clip.body[:, _AT(self.side + joint)]
 
     def line(self, start: str, end: str) -> Array:
-        """From one joint of this side to another one, `(T, 3)`."""
+        """Return the vector `(T, 3)` from one joint to another on this side, in the body frame."""
         return self.at(end) - self.at(start)
 
     @cached_property
     def foot(self) -> Array:
-        """The ankle's place in world space, `(T, 3)`."""
+        """World positions of the ankle, `(T, 3)`."""
         return self.clip.world[0][:, _AT(f"{self.side}Foot")]
 
     @cached_property
@@ -122,16 +122,16 @@ class Part:
 
     @cached_property
     def stance(self) -> Flags:
-        """Frames in which this foot is on the ground; all where it never is."""
+        """Frames in which this foot is on the ground; all frames if it never is."""
         return self.down[0] if self.down[0].any() else np.ones(len(self.down[0]), np.bool_)
 
     @cached_property
     def takeoffs(self) -> NDArray[np.intp]:
-        """The last frames in the air of this foot's steps."""
+        """The frame before each landing of this foot."""
         return steps_of(*self.down) - 1
 
     def turned(self, joint: str, axis: Array) -> Array:
-        """An axis of a joint of this side, `(T, 3)`."""
+        """Return an axis of a joint on this side, `(T, 3)`, in the body frame."""
         return rotations.rotate(self.clip.turned[:, _AT(self.side + joint)], axis)
 
 
@@ -139,27 +139,27 @@ class Part:
 
 
 def along(start: str, end: str, axis: int, outward: bool = False) -> Reader:
-    """Metres along an axis from one joint to another, to the left or away from the middle of the body."""
+    """Measure the distance (metres) between two joints along an axis; `outward` is positive away from the body's middle."""
     return lambda part: part.line(start, end)[:, axis] * (part.sign if outward else 1.0)
 
 
 def tilt(start: str, end: str, axis: int) -> Reader:
-    """Degrees from vertical of the line between two joints, towards an axis."""
+    """Measure the angle (degrees) from vertical of the line between two joints, towards an axis."""
     return lambda part: _tilt(part.line(start, end), axis)
 
 
 def bend(upper: str, middle: str, lower: str) -> Reader:
-    """Degrees by which the joint between two bones bends: 0 is straight."""
+    """Measure the flexion (degrees) of the joint between two bones; 0 is straight."""
     return lambda limb: _bend(limb.line(middle, upper), limb.line(middle, lower))
 
 
 def turned_down(joint: str, axis: Array) -> Reader:
-    """Degrees that an axis of a joint points downward."""
+    """Measure how far (degrees) an axis of a joint points below the horizontal."""
     return lambda part: np.degrees(np.arcsin(np.clip(-part.turned(joint, axis)[:, 1], -1, 1)))
 
 
 def turned_aside(joint: str, outward: bool = False) -> Reader:
-    """Degrees that a joint points to the left of the facing direction, or away from the middle of the body."""
+    """Measure the yaw (degrees) of a joint to the left of the facing direction, or outward from the body's middle."""
 
     def read(part: Part) -> Array:
         ahead = part.turned(joint, AHEAD)
@@ -169,12 +169,12 @@ def turned_aside(joint: str, outward: bool = False) -> Reader:
 
 
 def cycle_yaw(joint: str) -> Reader:
-    """Degrees that a pair of joints turns about the facing of a cycle."""
+    """Measure the yaw (degrees) of a pair of joints relative to the facing of the gait cycle."""
     return lambda trunk: _yaw(trunk.clip.in_cycle(joint))
 
 
 def cycle_roll(joint: str) -> Reader:
-    """Degrees by which the left one of a pair of joints is over the right one."""
+    """Measure the roll (degrees) of a pair of joints; positive if the left one is higher."""
 
     def read(trunk: Part) -> Array:
         across = trunk.clip.in_cycle(joint)
@@ -184,7 +184,7 @@ def cycle_roll(joint: str) -> Reader:
 
 
 def standing(read: Reader) -> Reader:
-    """What is read, of frames with the foot on the ground."""
+    """Restrict a measure to frames with the foot on the ground."""
     return lambda leg: read(leg)[leg.stance]
 
 
@@ -192,13 +192,13 @@ def standing(read: Reader) -> Reader:
 
 
 def hand_level(arm: Part) -> Array:
-    """Height of the hand: 0 at the hips, 1 at the shoulders, about 1.3 at the eyes."""
+    """Return the relative height of the hand: 0 at the hips, 1 at the shoulders, about 1.3 at the eyes."""
     neck, hips = arm.clip.body[:, _AT("Neck1"), 1], arm.clip.body[:, _AT("Hips"), 1]
     return (arm.at("Hand")[:, 1] - hips) / np.maximum(neck - hips, 0.1)
 
 
 def frequency(arm: Part) -> float:
-    """Hz of the hand's strongest movement, over the summed spectra; 0 when the motion is too short."""
+    """Return the dominant frequency (Hz) of the hand's movement; 0 if the motion is too short."""
     x = arm.line("Arm", "Hand")
     if len(x) < 2 * FPS:
         return 0.0
@@ -209,45 +209,45 @@ def frequency(arm: Part) -> float:
 
 
 def thigh_lift(leg: Part) -> Array:
-    """Degrees of the thigh forward from vertical."""
+    """Return how far (degrees) the thigh is raised forward from vertical."""
     thigh = leg.line("UpLeg", "Leg")
     return np.degrees(np.arctan2(thigh[:, 2], -thigh[:, 1]))
 
 
 def foot_out(leg: Part) -> Array:
-    """Metres of the ankle outward from the hips' middle."""
+    """Return how far (metres) the ankle is outward from the middle of the hips."""
     return leg.at("Foot")[:, 0] * leg.sign
 
 
 def step_length(leg: Part) -> float:
-    """Metres between a foot's landings, halved, median."""
+    """Return the median step length (metres): half the distance between a foot's landings."""
     before = leg.takeoffs
     strides = np.linalg.norm(np.diff(leg.foot[before][:, [0, 2]], axis=0), axis=1)
     return float(np.median(strides if len(before) > 1 else np.zeros(1)) / 2)
 
 
 def cadence(leg: Part) -> float:
-    """Steps per second of both feet."""
+    """Return the cadence: steps per second of both feet."""
     before = leg.takeoffs
     seconds = (before[-1] - before[0]) / FPS if len(before) > 1 else 0.0
     return float(2 * (len(before) - 1) / seconds) if seconds > 0 else 0.0
 
 
 def walk_ratio(leg: Part) -> float:
-    """Metres of a step over steps per second."""
+    """Return the walk ratio: step length (metres) divided by cadence (steps per second)."""
     rate = cadence(leg)
     return step_length(leg) / rate if rate > LEAST_CADENCE_HZ else 0.0
 
 
 def stance_lead(leg: Part) -> float:
-    """By which fraction this foot carries alone longer than the other: 0 is even, -1 is never."""
+    """Return how much longer this foot carries the body alone than the other: 0 is even, -1 is never."""
     own, other = leg.down
     mine, theirs = float((own & ~other).sum()), float((other & ~own).sum())
     return 2.0 * (mine - theirs) / max(mine + theirs, 1.0)
 
 
 def landing(leg: Part) -> float:
-    """Metres per second at which the ankle comes down last, median over the landings."""
+    """Return the downward speed (m/s) of the ankle just before landing, median over the landings."""
     height = leg.foot[:, 1]
     fall = -np.diff(height, prepend=height[:1]) * FPS
     frames = [t for t in landings(leg.down[0]) if t > LANDING_FRAMES]
@@ -256,36 +256,36 @@ def landing(leg: Part) -> float:
 
 
 def halting(part: Part) -> float:
-    """Deviation of the root's speed over its mean: 0 goes evenly, pauses let it grow."""
+    """Return the variation of the root's speed: standard deviation over mean; 0 is even, and pauses increase it."""
     path = smoothed(part.clip.world[0][:, 0][:, [0, 2]], HALTING_S)
     speed = np.linalg.norm(np.diff(path, axis=0), axis=1) * FPS
     return float(speed.std() / max(float(speed.mean()), 0.1))
 
 
 def twist(trunk: Part) -> Array:
-    """Degrees of the shoulders against the hips."""
+    """Return the yaw (degrees) of the shoulders relative to the hips."""
     shoulders, pelvis = trunk.line("RightArm", "LeftArm"), trunk.line("RightUpLeg", "LeftUpLeg")
     return np.degrees(np.arctan2(shoulders[:, 2], shoulders[:, 0]) - np.arctan2(pelvis[:, 2], pelvis[:, 0]))
 
 
 def arch(trunk: Part) -> Array:
-    """Degrees that the upper spine bends forward of the lower."""
+    """Return how far (degrees) the upper spine bends forward of the lower spine."""
     upper, lower = trunk.line("Spine", "Spine1"), trunk.line("LowerBack", "Spine")
     return np.degrees(np.arctan2(upper[:, 2], upper[:, 1]) - np.arctan2(lower[:, 2], lower[:, 1]))
 
 
 def bounce(trunk: Part) -> Array:
-    """Height of the hips over their smoothed path."""
+    """Return the height (metres) of the hips over their smoothed path."""
     return (trunk.clip.hips - smoothed(trunk.clip.hips, SWAY_S))[:, 1]
 
 
 def sway(trunk: Part) -> Array:
-    """The hips sideways of their smoothed path."""
+    """Return the sideways offset (metres) of the hips from their smoothed path."""
     return _sideways(trunk.clip.hips - smoothed(trunk.clip.hips, SWAY_S), trunk.clip.facing)
 
 
 def wander(trunk: Part) -> Array:
-    """The path of a cycle sideways of its course."""
+    """Return the sideways offset (metres) of the path, averaged over a gait cycle, from its course."""
     path = smoothed(trunk.clip.hips, CYCLE_S)
     return _sideways(path - smoothed(trunk.clip.hips, COURSE_S), trunk.clip.cycle_yaw)
 
@@ -294,15 +294,15 @@ def wander(trunk: Part) -> Array:
 
 
 def landings(down: Flags) -> NDArray[np.intp]:
-    """Frames where contact `(T,)` begins; gaps of up to `FLICKER_FRAMES` frames are none."""
+    """Return the frames where contact `(T,)` begins; gaps of up to `FLICKER_FRAMES` frames are ignored."""
     return np.flatnonzero(np.diff(closed(down).astype(int)) == 1) + 1
 
 
 def steps_of(own: Flags, other: Flags) -> NDArray[np.intp]:
-    """Frames where a foot lands, of its contact and the other foot's `(T,)`.
+    """Return the frames where a foot lands, from its contacts and those of the other foot, `(T,)` each.
 
-    Of several landings with none of the other foot between them the last one counts: before, it brushed the ground in its
-    swing. Of one that hops all count.
+    Of several landings without one of the other foot in between, only the last counts: before, the foot brushed the
+    ground in its swing. For a foot that hops, all count.
     """
     frames, others = landings(own), landings(other)
     if len(others) < 2 or len(frames) == 0:
@@ -311,7 +311,7 @@ def steps_of(own: Flags, other: Flags) -> NDArray[np.intp]:
 
 
 def closed(down: Flags) -> Flags:
-    """Contact flags with gaps of up to `FLICKER_FRAMES` frames filled."""
+    """Return contact flags with gaps of up to `FLICKER_FRAMES` frames filled."""
     filled = down.copy()
     for a, b in pairwise(np.flatnonzero(np.diff(down.astype(int)))):
         if not down[a + 1] and b - a <= FLICKER_FRAMES:
@@ -320,7 +320,7 @@ def closed(down: Flags) -> Flags:
 
 
 def smoothed(x: Array, seconds: float) -> Array:
-    """Moving average over `seconds`, the ends padded with their own values."""
+    """Return the moving average over `seconds`, with both ends padded by their own values."""
     half = int(seconds * FPS / 2)
     padded = np.pad(x, [(half, half)] + [(0, 0)] * (x.ndim - 1), mode="edge")
     total = np.cumsum(np.concatenate([np.zeros_like(padded[:1]), padded], dtype=np.float64), axis=0)
@@ -328,7 +328,7 @@ def smoothed(x: Array, seconds: float) -> Array:
 
 
 def smoothed_facing(positions: Array) -> Array:
-    """Smoothed facing direction `(T,)` in radians, from hips and shoulders; 0 is +Z."""
+    """Return the smoothed facing direction `(T,)` in radians, from hips and shoulders; 0 is +Z."""
     across = (positions[:, _AT("LeftUpLeg")] - positions[:, _AT("RightUpLeg")]) + (
         positions[:, _AT("LeftArm")] - positions[:, _AT("RightArm")]
     )

@@ -27,17 +27,17 @@ _SIDES = {"left": ("Left", 1.0), "right": ("Right", -1.0)}
 
 
 def median(x: Array) -> float:
-    """The middle value."""
+    """Return the median."""
     return float(np.median(x))
 
 
 def percentile(percent: float) -> Statistic:
-    """The value that so many percent of the frames are under."""
+    """Return a statistic: the given percentile over the frames."""
     return lambda x: float(np.percentile(x, percent))
 
 
 def between(low: float, high: float) -> Statistic:
-    """From one percentile to another."""
+    """Return a statistic: the difference between two percentiles."""
     return lambda x: float(np.subtract(*np.percentile(x, [high, low])))
 
 
@@ -46,10 +46,10 @@ top, peak, travel, span = percentile(90), percentile(95), between(10, 90), betwe
 
 @dataclass(frozen=True)
 class Measure:
-    """A row: `read` gives a value in every frame, `over` makes one of them; of what is one value already it is `float`.
+    """A row of the measure table: `read` gives a value per frame, `over` reduces them to one (`float` if it is one already).
 
-    `step` is what counts as one step of change where a sentence is judged by walks, None where nothing of it counts. `sided`
-    measures change their sign in the mirror image.
+    `step` is the smallest change that counts when a sentence is judged by walks, None if none counts. `sided` measures
+    change sign in the mirror image.
     """
 
     part: str  # arm, leg, torso or head
@@ -62,7 +62,7 @@ class Measure:
 
     @property
     def moves(self) -> bool:
-        """Whether it is of a movement, and not of a posture."""
+        """Whether it measures a movement rather than a posture."""
         return self.over in (travel, span)
 
 
@@ -119,11 +119,11 @@ MEASURES = (
 
 @dataclass(frozen=True)
 class Target:
-    """What a description can ask of a part while it moves, and edits of the shown pose add where it is missing.
+    """A quantity of a body part that a prompt can ask for, and that body edits add if it is missing.
 
-    `measure` is the row that shows it in a clip, "" where none does. `shown` reads it off what `runtime.edits.body.BodyEdits` knows
-    of a moving body, of the left (0) or right (1) side. `most` is added, in the unit, or times the network's own of what swings. From
-    `far` out of a phrase's range on, a caption says what its capture does not show.
+    `measure` is its row of the measures, or "". `shown` reads it from the state of `runtime.edits.body.BodyEdits`, for
+    the left (0) or right (1) side. At most `most` is added, in the unit, or as a factor of the network's own swing. A
+    capture that is `far` outside a phrase's range does not show it, and its caption says so.
     """
 
     part: str
@@ -165,16 +165,16 @@ TARGETS = (
 
 
 class PartMeasures(SimpleNamespace):
-    """Measures of one part, by the names of its rows."""
+    """Measures of one body part, by row name."""
 
     def changed(self, **values: float) -> PartMeasures:
-        """The same with other values."""
+        """Return a copy of the measures with some values replaced."""
         return PartMeasures(**vars(self) | values)
 
 
 @dataclass(frozen=True)
 class BodyMeasures:
-    """A whole motion, or the average of several."""
+    """Measures of a whole motion, or the mean of several."""
 
     left_arm: PartMeasures
     right_arm: PartMeasures
@@ -185,7 +185,7 @@ class BodyMeasures:
 
 
 def kind_of(part: str) -> str:
-    """The kind of a part: "leg" of "left_leg"."""
+    """Return the kind of a part: "leg" for "left_leg"."""
     return part.split("_")[-1]
 
 
@@ -197,12 +197,12 @@ def targets_of(part: str) -> dict[str, Target]:
 
 @cache
 def measures_of(part: str) -> dict[str, Measure]:
-    """The rows of a part such as "left_arm" by name, in their order."""
+    """Return the measures of a part such as "left_arm" by name, in table order."""
     return {row.name: row for row in MEASURES if row.part == kind_of(part)}
 
 
 def measure(hips: Array, local: Array, contacts: Array) -> BodyMeasures:
-    """Measures of a motion: hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)` heel and toe, left first."""
+    """Return the measures of a motion: hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)` heel and toe, left first."""
     clip, found = Clip(hips, local, contacts), {}
     for name in PART_NAMES:
         part = Part(clip, *_SIDES.get(name.split("_")[0], ("", 1.0)))

@@ -21,12 +21,12 @@ import numpy as np
 
 from runtime.arrays import Array, Flags
 from runtime.motion.features import DT, FPS
-from runtime.scalar_math import damp, decay
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE, damp, decay
 from runtime.skeleton import SPORT_SKELETON
 
 
 class Segment(NamedTuple):
-    """A part of the body between two joints, of one side."""
+    """A body segment between two joints, for one side: its mass fraction and centre of mass."""
 
     mass: float  # fraction of the body's mass
     proximal: str  # joint
@@ -75,6 +75,9 @@ SMOOTHING_FREQUENCIES_HZ = np.array([1.0, 2.0])
 MAX_SMOOTHING_M = 0.05  # of the hips
 MAX_TRACKING_ERROR_M = 0.3  # of the filter: farther away, a body was put elsewhere
 FADE_HALF_LIFE_S = 0.25  # in which the correction comes into force and goes
+MIN_IN_FORCE_FRACTION = 1e-4  # of it: less is none
+UNREACHED_M = 1e3  # to a line on which nothing bears
+MIN_SQUARE = 1e-6  # m2 of the ankles' distance, m2/s2 of its speed
 
 _AT = SPORT_SKELETON.index
 _FOOT_POINTS = [_AT(name) for name in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")]
@@ -126,7 +129,7 @@ def _one(*shape: int, start: Array | float = 0.0) -> Callable[[], Array]:
 
 @dataclass
 class StrideBalance:
-    """What is known of the strides of N characters."""
+    """Stride measurements of N characters."""
 
     window: Array = field(
         default_factory=_one(WINDOW_FRAMES, _COLUMNS), metadata={"shape": (WINDOW_FRAMES, _COLUMNS)}
@@ -165,11 +168,11 @@ class StrideBalance:
         steady: Sequence[bool],
         composed: Sequence[float],
     ) -> Array:
-        """Return the metres `(N, 2)` in X and Z by which the hips of this frame are moved.
+        """Return the displacement `(N, 2)` of the hips in X and Z for this frame, metres.
 
-        Joints `(N, 31, 3)` as they were shown in the last frame, the `ground`'s height under them `(N,)`, and whether
-        the left and the right foot stood; the planned `velocity` `(N, 2)` in m/s; `steady` is who moves on evenly, `composed` how far no capture has the walk:
-        only what is composed is smoothed.
+        `positions` `(N, 31, 3)` are the joints shown in the last frame, `ground` `(N,)` the height under them, `stands`
+        whether the left and right foot stood, `velocity` `(N, 2)` the planned one (m/s), `steady` which characters walk
+        steadily, and `composed` how far their walk is from any captured one: only composed walks are smoothed.
         """
         path = _direction(velocity)
         joints = positions.astype(np.float64)
@@ -231,7 +234,9 @@ class StrideBalance:
             speed += _SMOOTHS * ((now - last) * FPS - speed)
             square += _FOLLOWS * ((now - mean) ** 2 - square)
             speed_square += _FOLLOWS * (speed * speed - speed_square)
-            seen = atan2(-speed / sqrt(max(speed_square, 1e-6)), (now - mean) / sqrt(max(square, 1e-6)))
+            seen = atan2(
+                -speed / sqrt(max(speed_square, MIN_SQUARE)), (now - mean) / sqrt(max(square, MIN_SQUARE))
+            )
             phase += frequency * DT
             away = (seen - phase + pi) % (2.0 * pi) - pi
             frequency = min(max(frequency + FREQUENCY_GAIN * away * FPS, least), most)
@@ -273,11 +278,11 @@ class StrideBalance:
         bears = (stands[:, :1] | ~_LEFT_BEARS) & (stands[:, 1:] | ~_RIGHT_BEARS)
         start = points[:, _STARTS]
         line, there = points[:, _ENDS] - start, zero_moment[:, None] - start
-        part = (there * line).sum(-1) / np.maximum((line * line).sum(-1), 1e-9)
+        part = (there * line).sum(-1) / np.maximum((line * line).sum(-1), MIN_DIVISOR)
         lacks = np.minimum(np.maximum(part, 0.0), 1.0)[..., None] * line - there
-        distance = np.sqrt((lacks * lacks).sum(-1)) + np.where(bears, 0.0, 1e3)
+        distance = np.sqrt((lacks * lacks).sum(-1)) + np.where(bears, 0.0, UNREACHED_M)
         nearest = np.arange(len(lacks)), distance.argmin(-1)
-        outside = np.maximum(1.0 - MARGIN_M / np.maximum(distance[nearest], 1e-9), 0.0)
+        outside = np.maximum(1.0 - MARGIN_M / np.maximum(distance[nearest], MIN_DIVISOR), 0.0)
         error = np.where(stands[:, :1] | stands[:, 1:], (outside[:, None] * weight) * lacks[nearest], pushed)
         return np.minimum(np.maximum(error, -MAX_ERROR_M), MAX_ERROR_M)
 
@@ -290,7 +295,7 @@ class StrideBalance:
         """Bring the correction into force for who is `steady`, and out of it for all others."""
         now = zip(self.fraction.tolist(), self.fraction_speed.tolist(), steady, strict=True)
         faded = [damp(fraction, speed, float(on), FADE_HALF_LIFE_S, DT) for fraction, speed, on in now]
-        kept = [each if max(each) > 1e-4 else (0.0, 0.0) for each in faded]
+        kept = [each if max(each) > MIN_IN_FORCE_FRACTION else (0.0, 0.0) for each in faded]
         self.fraction, self.fraction_speed = np.array(kept).T
 
 
@@ -302,7 +307,7 @@ def _terms(phase: Array) -> Array:
 
 def _direction(velocity: Array) -> Array:
     """Return velocities `(N, 2)` over their speed; 0 of one that is 0."""
-    return velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-6)
+    return velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), MIN_SIZE)
 
 
 def _limited(values: Array, most: float) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Float32Array
 from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
+from runtime.scalar_math import MIN_SIZE
 
 MIRROR_LEAD_FRACTION = 0.3  # fraction by which the mirror image of a code must be shown better than the code
 # the same of one limb, for which the network runs twice
@@ -20,19 +21,15 @@ SAME_SIDE_FRACTION = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Measured codes of the left sides; the mirror image of each has the opposite lead.
+    """Measurements of how well a model shows some style codes; they are of the left side, and hold for mirrored codes too."""
 
-    `codes` `(n, 64)` belong to the parts `PART_NAMES[parts[i]]`. A model shows them by a fraction of `leads` `(n,)` better than
-    their mirror image. `neutral` `(6, 64)` is plain walking.
-    """
-
-    parts: NDArray[np.int64]
-    codes: Float32Array
-    leads: Float32Array
-    neutral: Float32Array
+    parts: NDArray[np.int64]  # (n,) indices in `PART_NAMES`, of the part that each code is of
+    codes: Float32Array  # (n, 64)
+    leads: Float32Array  # (n,) by which fraction a code is shown better than its mirror image, whose lead is the opposite
+    neutral: Float32Array  # (6, 64)
 
     def side_leads(self, z: Float32Array) -> Float32Array:
-        """By how much of a fraction each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`: as a measured code near it."""
+        """Return how much better each part of Z^t `(6, 64)` is shown than its mirror image, `(6,)` fractions, by the nearest measured code."""
         found = np.zeros(len(z), np.float32)
         for near in self._nearest(z):
             if near.off < SAME_SIDE_FRACTION:
@@ -40,14 +37,42 @@ class Calibration:
         return found
 
     def ways(self, leads: Float32Array) -> Ways:
-        """The ways round in which parts with such leads `(6,)` are walked best."""
+        """Return whether a style is walked mirrored, and whether some limbs are not, from the leads `(6,)` of its parts."""
         mirrored = bool(leads.sum() < -MIRROR_LEAD_FRACTION)
         return Ways(mirrored, any(self.other_limbs(leads, mirrored)))
 
     def other_limbs(self, leads: Float32Array, mirrored: bool) -> tuple[float, ...]:
-        """Of the four limbs 1 for those that are shown much better the other way round, else 0."""
+        """Return 1 for each limb that is shown much better in the opposite walk, mirrored or not, else 0."""
         better = (leads if mirrored else -leads)[:LIMBS] >= LIMB_LEAD_FRACTION
         return tuple(better.astype(float).tolist())
+
+    def drawn_out(self, z: Float32Array) -> Float32Array:
+        """Return Z^t `(6, 64)` with the parts near a measured code exaggerated by its gain, which fades with distance.
+
+        Each code has two gains, alone and among other unusual parts; the result lies between them.
+        """
+        gains, others = np.ones((len(z), 1), np.float32), self._others(z)
+        for near in self._nearest(z):
+            like = float(np.clip(1.0 - (near.off - self.spreads[near.code]) / GAIN_FADE_FRACTION, 0.0, 1.0))
+            alone, among = self.gains[near.code]
+            gain = alone + others[near.part] * (among - alone)
+            gains[near.part] = max(gains[near.part], 1.0 + like * (gain - 1.0))
+        return np.asarray(self.neutral + gains * (z - self.neutral), np.float32)
+
+    def _others(self, z: Float32Array) -> Float32Array:
+        """Of each part, how unusual the rest of the body is `(6,)`, 0 to 1; of a limb its twin does not count."""
+        far = np.linalg.norm(z - self.neutral, axis=1) / self._usual
+        unusual = np.clip((far - PLAIN_FRACTION) / (UNUSUAL_FRACTION - PLAIN_FRACTION), 0.0, 1.0)
+        groups = 0.5 * (unusual + unusual[TWINS])  # the same for both of a pair
+        total = groups.sum() - groups[:LIMBS].sum() / 2
+        return np.asarray(np.minimum(1.0, (total - groups) / OTHER_PARTS_COUNT), np.float32)
+
+    @cached_property
+    def _usual(self) -> Float32Array:
+        """Median distance of the measured codes of each part from neutral `(6,)`; infinite where there are none."""
+        own = [np.isin(self.parts, (part, TWINS[part])) for part in range(len(self.neutral))]
+        far = np.linalg.norm(self.codes - self.neutral[self.parts], axis=1)
+        return np.array([_median(far[rows]) if rows.any() else np.inf for rows in own], np.float32)
 
     def _nearest(self, z: Float32Array) -> Iterator[_Near]:
         """The code nearest to each part, and to each part of the mirror image."""
@@ -57,7 +82,7 @@ class Calibration:
                 far = np.linalg.norm(self.codes[own] - seen[part], axis=1)
                 k = int(np.argmin(far))
                 length = float(np.linalg.norm(self.codes[own[k]] - self.neutral[part]))
-                off = float(far[k]) / max(length, 1e-6)
+                off = float(far[k]) / max(length, MIN_SIZE)
                 yield _Near(part if sign > 0 else TWINS[part], sign, int(own[k]), off)
 
 

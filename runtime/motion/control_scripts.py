@@ -27,6 +27,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.controls import REQUESTS, Controls, Gait
 from runtime.errors import UsageError
+from runtime.scalar_math import MIN_SIZE
 
 PATH_NAMES = ("forward", "circle", "figure8", "random")
 GAITS = {gait.label: gait for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.STAND)}
@@ -35,11 +36,16 @@ CIRCLE_RADIUS_M = 3.0
 FIGURE_HALF_LENGTH_M = 4.0
 LOOK_AHEAD_M = 0.9  # the stick points at the place of the path that lies so far ahead
 AREA_M = 14.0  # random paths turn back at this distance from the origin
+STRETCHES = 4096  # of a random path: at least 100 minutes; then it begins again
+STRETCH_RANGE_S, TURN_DEVIATION_RAD = (1.5, 4.0), 1.2  # of each, and of its turn from the one before
+STICK_FRACTIONS = (0.0, 0.6, 1.0, 1.0, 1.0)  # of the full stick, alike in number: at rest, slow, full
+HOME_OFFSET_RAD = 0.4  # beside the origin, to one side and the other, when it turns back
+CIRCLE_POINTS, FIGURE_POINTS, FINE_POINTS = 240, 400, 2001  # of the paths; of a curve to measure its length
 
 
 @dataclass(frozen=True)
 class PlanarPose:
-    """Where the character is: metres and radians."""
+    """Position (metres) and yaw (radians) of the character on the ground."""
 
     x: float
     z: float
@@ -50,9 +56,9 @@ ControlScript = Callable[[float, PlanarPose], Controls]  # seconds since the sta
 
 
 def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> ControlScript:
-    """Script of one of `PATH_NAMES` in one of `GAITS`; `speed` 0..1 is the fraction of the full stick.
+    """Return the control script of one of `PATH_NAMES` in one of `GAITS`; `speed` 0..1 is the fraction of the full stick.
 
-    The same arguments, time and place give the same controls. UsageError names what is unknown.
+    The same arguments, time and place give the same controls. UsageError names an unknown one.
     """
     if gait not in GAITS:
         raise UsageError(f" {gait}: expected {', '.join(GAITS)}.", "Choose one of them.", "gait")
@@ -73,7 +79,7 @@ def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> C
 
 def _towards(place: PlanarPose, x: float, z: float, speed: float) -> tuple[float, float]:
     dx, dz = x - place.x, z - place.z
-    distance = max(hypot(dx, dz), 1e-6)
+    distance = max(hypot(dx, dz), MIN_SIZE)
     return speed * dx / distance, speed * dz / distance
 
 
@@ -92,17 +98,17 @@ def _along(curve: Array, place: PlanarPose, speed: float) -> tuple[float, float]
 
 def _circle() -> Array:
     """Clockwise (seen from above, towards +X) circle through the origin, which it leaves along +Z."""
-    t = np.linspace(0.0, tau, 240, endpoint=False)
+    t = np.linspace(0.0, tau, CIRCLE_POINTS, endpoint=False)
     x, z = CIRCLE_RADIUS_M * (1.0 - np.cos(t)), CIRCLE_RADIUS_M * np.sin(t)
     return np.stack([x, z, t], axis=-1)
 
 
 def _figure8() -> Array:
     """Lemniscate of Gerono along X through the origin, resampled to equal steps."""
-    t = np.linspace(0.0, tau, 2001)
+    t = np.linspace(0.0, tau, FINE_POINTS)
     x, z = FIGURE_HALF_LENGTH_M * np.sin(t), FIGURE_HALF_LENGTH_M * np.sin(t) * np.cos(t)
     length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(z)))])
-    even = np.interp(np.linspace(0.0, length[-1], 400, endpoint=False), length, t)
+    even = np.interp(np.linspace(0.0, length[-1], FIGURE_POINTS, endpoint=False), length, t)
     dx, dz = np.cos(even), np.cos(2.0 * even)
     x, z = FIGURE_HALF_LENGTH_M * np.sin(even), FIGURE_HALF_LENGTH_M * np.sin(even) * np.cos(even)
     return np.stack([x, z, np.arctan2(dx, dz)], axis=-1)
@@ -111,10 +117,9 @@ def _figure8() -> Array:
 def _random_script(gait: Gait, speed: float, seed: int) -> ControlScript:
     """A new direction and stick length every 1.5 to 4 s, sometimes none; back to the middle from outside."""
     rng = np.random.default_rng(seed)
-    count = 4096  # at least 100 minutes; then it begins again
-    ends = np.cumsum(rng.uniform(1.5, 4.0, count))
-    headings = np.cumsum(rng.normal(0.0, 1.2, count))
-    lengths = rng.choice([0.0, 0.6, 1.0, 1.0, 1.0], count)
+    ends = np.cumsum(rng.uniform(*STRETCH_RANGE_S, STRETCHES))
+    headings = np.cumsum(rng.normal(0.0, TURN_DEVIATION_RAD, STRETCHES))
+    lengths = rng.choice(STICK_FRACTIONS, STRETCHES)
     lengths[0] = 1.0
 
     def script(time: float, place: PlanarPose) -> Controls:
@@ -122,7 +127,7 @@ def _random_script(gait: Gait, speed: float, seed: int) -> ControlScript:
         heading, length = float(headings[k]), speed * float(lengths[k])
         home = atan2(-place.x, -place.z)
         if hypot(place.x, place.z) > AREA_M and abs(remainder(heading - home, tau)) > 0.5 * pi:
-            heading = home + 0.4 * (1.0 if k % 2 else -1.0)
+            heading = home + HOME_OFFSET_RAD * (1.0 if k % 2 else -1.0)
         return Controls((length * sin(heading), length * cos(heading)), gait=gait)
 
     return script
@@ -133,12 +138,13 @@ ARRIVED_M = 0.3  # of the way left
 SLOWING_M = 1.2  # over the last of the way the stick goes back,
 MIN_STICK_FRACTION = 0.4  # not further than this
 SEARCH_M = 2.0  # ahead of the progress so far: where a path crosses itself, the other branch is not taken
+SEARCH_POINTS = 41  # on these
 STUCK_SECONDS, STUCK_M = 4.0, 0.15  # with less progress than this in so long, the walk ends
 
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A point in metres; `speed` (fraction of the full stick) and `gait` belong to the leg that leads to it."""
+    """A point of a path, in metres; `speed` (fraction of the full stick) and `gait` apply on the way to it."""
 
     x: float
     z: float
@@ -156,7 +162,7 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class PointPath:
-    """Legs from point to point; the first one begins where the character stands."""
+    """A path of points on the ground; it starts where the character stands."""
 
     points: tuple[Waypoint, ...]
 
@@ -167,7 +173,7 @@ class PointPath:
             )
 
     def walk_from(self, place: PlanarPose) -> PathWalk:
-        """A stick that leads a character from `place` along the path."""
+        """Return a control script that leads a character from `place` along the path."""
         corners = np.array([(place.x, place.z), *((p.x, p.z) for p in self.points)])
         lengths = np.hypot(*np.diff(corners, axis=0).T)
         return PathWalk(self, corners, np.concatenate([[0.0], np.cumsum(lengths)]))
@@ -175,7 +181,7 @@ class PointPath:
 
 @dataclass
 class PathWalk:
-    """A `ControlScript` with a memory: how far along the path the character has come."""
+    """A `ControlScript` along a path; it remembers how far the character has come."""
 
     path: PointPath
     corners: Array  # (n + 1, 2) x and z, metres
@@ -187,7 +193,7 @@ class PathWalk:
 
     @property
     def ended(self) -> bool:
-        """Whether the stick rests for good: at the end, or where there is no way on."""
+        """Whether the walk is over: at the end, or where the character is stuck."""
         return self.arrived or self.stuck
 
     def __call__(self, time: float, place: PlanarPose) -> Controls:
@@ -204,7 +210,7 @@ class PathWalk:
         leg = self._leg(self.progress)
         x, z = self._at(min(self.progress + LOOK_AHEAD_M, float(self.ends[-1])))
         dx, dz = x - place.x, z - place.z
-        length = max(hypot(dx, dz), 1e-6)
+        length = max(hypot(dx, dz), MIN_SIZE)
         amount = min(leg.speed, max(left / SLOWING_M, MIN_STICK_FRACTION))
         return Controls((amount * dx / length, amount * dz / length), gait=leg.gait)
 
@@ -218,7 +224,7 @@ class PathWalk:
 
     def _nearest(self, place: PlanarPose) -> float:
         """Metres along the path of its nearest point within reach of the progress so far."""
-        along = np.linspace(self.progress, min(self.progress + SEARCH_M, float(self.ends[-1])), 41)
+        along = np.linspace(self.progress, min(self.progress + SEARCH_M, float(self.ends[-1])), SEARCH_POINTS)
         x, z = (np.interp(along, self.ends, self.corners[:, k]) for k in (0, 1))
         return float(along[int(np.argmin((x - place.x) ** 2 + (z - place.z) ** 2))])
 
@@ -228,6 +234,7 @@ EXAMPLE = "stand 2; walk 3; walk@90 3; jog@0*0.5 2; jump 1"
 MAX_SECONDS = 24 * 3600.0
 MAX_CHARACTERS = 100_000
 PRESS_SECONDS = 0.1  # how long the jump button is down
+ROUNDING_S = 1e-9  # of a sum of times
 
 _NUMBER = r"[-+]?\d{1,9}(?:\.\d{0,9})?"
 _FORM = re.compile(
@@ -239,7 +246,7 @@ _FORM = re.compile(
 
 @dataclass(frozen=True)
 class StickSegment:
-    """A position of the stick: degrees, fraction of the full stick, degrees or None, seconds."""
+    """A stick position held for some seconds: heading and facing in degrees, `amount` as a fraction of the full stick."""
 
     gait: Gait
     seconds: float
@@ -256,7 +263,7 @@ class StickSegment:
 
     @property
     def controls(self) -> Controls:
-        """What the stick requests."""
+        """Return the controls of this stick position."""
         if self.gait in (Gait.STAND, Gait.JUMP):
             return Controls()
         facing = None if self.facing is None else _direction(self.facing)
@@ -266,7 +273,7 @@ class StickSegment:
 
 @dataclass(frozen=True)
 class StickScript:
-    """Segments in order; called with seconds since the start (and the place, which it ignores) it is a `ControlScript`."""
+    """Stick segments in order; a `ControlScript` that depends on time alone."""
 
     segments: tuple[StickSegment, ...]
 
@@ -275,7 +282,7 @@ class StickScript:
 
     @property
     def seconds(self) -> float:
-        """The length of all segments."""
+        """Total duration in seconds."""
         return sum(segment.seconds for segment in self.segments)
 
     @cached_property
@@ -294,16 +301,16 @@ class StickScript:
 
     def __call__(self, time: float, _place: PlanarPose | None = None) -> Controls:
         """The stick at `time`; at rest after the end."""
-        k = bisect_right(self._ends, time, key=lambda end: end - 1e-9)
+        k = bisect_right(self._ends, time, key=lambda end: end - ROUNDING_S)
         if k == len(self.segments):
             return Controls()
         start = self._ends[k - 1] if k else 0.0
-        pressed = self.segments[k].gait == Gait.JUMP and time - start < PRESS_SECONDS - 1e-9
+        pressed = self.segments[k].gait == Gait.JUMP and time - start < PRESS_SECONDS - ROUNDING_S
         return replace(self._held[k], gait=Gait.JUMP) if pressed else self._held[k]
 
 
 def parse_stick(text: str) -> StickScript:
-    """Read a script of the form above; UsageError names the segment that cannot be read and why."""
+    """Parse the text form of a stick script; UsageError names the segment that cannot be read and why."""
     if len(text) > MAX_CHARACTERS:
         raise _error(f"{len(text)} characters; expected at most {MAX_CHARACTERS}")
     segments = tuple(_segment(part.strip()) for part in text.split(";") if part.strip())

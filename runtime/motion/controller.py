@@ -42,9 +42,10 @@ def _check(**numbers: float) -> None:
 
 
 class Controller:
-    """Deterministic: the same model, seed, controls, terrain and styles give the same poses.
+    """A character with its model, terrain and state, stepped frame by frame.
 
-    UsageError for numbers that are not finite and a seed below 0.
+    Deterministic: the same model, seed, controls, terrain and styles give the same poses. Raises UsageError for numbers
+    that are not finite and a negative seed.
     """
 
     def __init__(
@@ -70,7 +71,7 @@ class Controller:
         self._stand(StyleBlend.constant(model.neutral, strength, self._folder.fold), 0.0, 0.0, 0.0)
 
     def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
-        """Stand at x, z (metres) facing `yaw` (radians)."""
+        """Place the character standing at x, z (metres), facing `yaw` (radians)."""
         _check(x=x, z=z, yaw=yaw)
         self._stand(self._state.styles[0], float(x), float(z), float(yaw))
         return self.pose
@@ -81,11 +82,11 @@ class Controller:
 
     @property
     def state(self) -> CharacterState:
-        """Everything that changes from frame to frame; a value, which later frames leave as it is."""
+        """The complete state of the character; later frames do not change this value."""
         return self._state
 
     def put(self, state: CharacterState, codes: StyleCodes) -> None:
-        """Go on from a state, whose style is folded from `codes`; ModelError where a code does not fit the model."""
+        """Continue from a state, with its style folded from `codes`; ModelError if a code does not fit the model."""
         folder = StyleFolder(self.model.fold_style, codes.strength, self.model.calibration)
         style = StyleBlend.of(codes, folder.fold)
         self._folder, self.seed = folder, int(state.seed[0])
@@ -99,7 +100,7 @@ class Controller:
     def set_style(self, style: Array | StyleMix, transition_seconds: float = 1.0) -> None:
         """Blend to Z^t `(6, 64)` or a mix of codes over the given time, starting with the next frame.
 
-        ModelError where a code does not fit the model; the style stays as it was.
+        Raises ModelError if a code does not fit the model; the style is then unchanged.
         """
         _check(transition_seconds=transition_seconds)
         self._restyle(self._state.styles[0].towards(style, float(transition_seconds), self._folder.fold))
@@ -107,12 +108,12 @@ class Controller:
             self._state.walkable = WalkableShare()
 
     def twin(self) -> Controller:
-        """Another character of the same model, at the start of the same ground: to make a take again next to this one."""
+        """Return a new controller with the same model, terrain and settings, to resimulate a take next to this one."""
         return Controller(self.model, self.terrain, self.seed, self.temperature, self.strength, self.response)
 
     @property
     def strength(self) -> float:
-        """How far styles go from neutral walking: 0 is neutral, 1 as the model shows them, more exaggerates."""
+        """Style strength: 0 is neutral walking, 1 as the model shows it, more exaggerates."""
         return self._folder.strength
 
     @strength.setter
@@ -124,10 +125,10 @@ class Controller:
         self._restyle(self._state.styles[0].at_strength(value, self._folder.fold))
 
     def settle(self, gait: Gait = Gait.WALK, seconds: float = SETTLE_SECONDS) -> Pose:
-        """Come to rest in the present style, in place, in frames that are not shown; returns the pose to begin from.
+        """Simulate hidden frames at rest until the style is settled, and return the pose to begin from.
 
-        A character begins in neutral standing, and the network is in a style some frames later, with hands that fly
-        there. In `Gait.CROUCH` it comes to rest crouched.
+        A character starts in neutral standing, and the network needs some frames to reach a style. With `Gait.CROUCH`
+        it settles crouched.
         """
         root, yaw = self.pose.root_position, self.pose.root_yaw
         rest = Controls(facing=(float(np.sin(yaw)), float(np.cos(yaw))), gait=gait)
@@ -142,9 +143,9 @@ class Controller:
         return self.pose
 
     def set_terrain(self, terrain: Terrain) -> None:
-        """Stand on another ground; the character stays where it is in X and Z, and crosses nothing.
+        """Change the terrain; the character keeps its X and Z, and any traversal ends.
 
-        Where a body has no room there, it stands at the nearest place where it has.
+        Where it has no room to stand, it moves to the nearest free place.
         """
         self.terrain = terrain
         x, z = (float(v) for v in self._state.trajectory.here[0])
@@ -162,7 +163,7 @@ class Controller:
 
     @property
     def pose(self) -> Pose:
-        """What the last frame shows."""
+        """The pose of the last frame."""
         return self._pose
 
     @property
@@ -172,43 +173,43 @@ class Controller:
 
     @property
     def requested_speed(self) -> float:
-        """m/s that the last frame's stick requested."""
+        """Speed (m/s) requested by the stick in the last frame."""
         return float(self._state.requested_speed[0])
 
     def full_speed(self, gait: Gait) -> float:
-        """What a full stick requests in the present style, m/s."""
+        """Return the speed (m/s) that a full stick requests in the present style."""
         return full_speed(self.style, gait)
 
     @property
     def unlocked(self) -> tuple[Array, Array]:
-        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend, or keyframed."""
+        """Return hips `(3,)` and local rotations `(31, 4)` before foot lock, from the network or a keyframed traversal."""
         if self._frame is None:
             return self.pose.hips_position, self.pose.local_rotations
         return self._frame.hips[0], self._frame.local[0]
 
     @property
     def blocked(self) -> str | None:
-        """Why the character does not go on, for the status line."""
+        """The reason why the character is blocked, for the status line, or None."""
         return None if self._frame is None else self._frame.reasons[0]
 
     @property
     def traversal(self) -> str:
-        """What is being crossed by keyframed motion: "bar", "gap", "up", "down", "climb", "descend"; else ""."""
+        """The kind of traversal in progress: "bar", "gap", "up", "down", "climb", "descend", or ""."""
         return self._state.traversals[0].kind
 
     @property
     def trajectory(self) -> TrajectoryView:
-        """The 12 samples, laid on the terrain."""
+        """Return the 12 trajectory samples, projected onto the terrain."""
         return self._state.trajectory.view(self.terrain)
 
     def step(self, controls: Controls) -> Pose:
-        """Simulate 1/60 s. A fault of the network sets the character back to standing, and `message` for this frame."""
+        """Simulate 1/60 s and return the pose. If the network fails, the character stands and `message` says so for this frame."""
         return self.take(
             *step(self.model, self._state, (controls,), self.terrain, (self.temperature,), (self.response,))
         )
 
     def take(self, state: CharacterState, frame: Frame) -> Pose:
-        """Go on from a frame of this character."""
+        """Take over a simulated state and frame of this character, and return its pose."""
         self._state, self._frame, self._pose = state, frame, state.poses.pose()
         self.message = FAULT if frame.faults[0] else ""
         if self.message:
@@ -221,10 +222,10 @@ TOGETHER = 4  # from which on they are moved in full precision, by one call of t
 
 
 class Crowd:
-    """Steps controllers of one model on one ground together; each keeps its own style, seed, strength and place.
+    """Steps several controllers of one model and terrain together; each keeps its own style, seed, strength and place.
 
-    Fewer than TOGETHER move bit by bit as they would alone; of more the first step loads the model in full precision.
-    UsageError for none, for more than MOST, and for controllers of several models or grounds.
+    Fewer than TOGETHER are bit-identical to stepping alone; for more, the first step loads the model in full precision.
+    Raises UsageError for none, for more than MOST, and for controllers of several models or terrains.
     """
 
     def __init__(self, members: Sequence[Controller]) -> None:
@@ -236,21 +237,21 @@ class Crowd:
         self._helper = ThreadPoolExecutor(1, "crowd")
 
     def close(self) -> None:
-        """End the second thread."""
+        """Stop the helper thread."""
         self._helper.shutdown()
 
     @property
     def terrain(self) -> Terrain:
-        """The ground of all."""
+        """The terrain of all members."""
         return self.members[0].terrain
 
     def set_terrain(self, terrain: Terrain) -> None:
-        """Let all stand on another ground, where they are."""
+        """Change the terrain of all members; they keep their places."""
         for member in self.members:
             member.set_terrain(terrain)
 
     def step(self, controls: Controls | Sequence[Controls]) -> list[Pose]:
-        """Simulate 1/60 s of every character by one stick, or each by its own, half of them on the second thread."""
+        """Simulate 1/60 s of every character, with one stick for all or one each; half of them on the helper thread."""
         middle = len(self.members) // 2
         sticks = [controls] * len(self.members) if isinstance(controls, Controls) else controls
         halves = self.members[:middle], self.members[middle:]

@@ -73,12 +73,12 @@ _SHOULDER_ACROSS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("Right
 
 
 def to_root(vectors: Array, yaw: Array) -> Array:
-    """Turn world XZ `(..., 2)` or XYZ `(..., 3)` vectors into the frame of a root that faces `yaw` `(...)`."""
+    """Rotate world XZ `(..., 2)` or XYZ `(..., 3)` vectors into the frame of a root with `yaw` `(...)`."""
     return to_world(vectors, -np.asarray(yaw))
 
 
 def to_world(vectors: Array, yaw: Array) -> Array:
-    """Inverse of `to_root`."""
+    """Rotate vectors of a root frame back into world space; inverse of `to_root`."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     x, z = vectors[..., 0], vectors[..., -1]
     turned_x = cosine * x + sine * z
@@ -90,7 +90,7 @@ def to_world(vectors: Array, yaw: Array) -> Array:
 
 
 def facing_yaw(positions: Array) -> Array:
-    """Yaw `(...)` of the body's forward direction: across hips and shoulders `(..., 31, 3)`, turned by 90 degrees."""
+    """Return the yaw `(...)` of the body's forward direction, perpendicular to hips and shoulders, from joints `(..., 31, 3)`."""
     left_hip, right_hip = _HIP_ACROSS
     left_arm, right_arm = _SHOULDER_ACROSS
     across = (
@@ -104,16 +104,16 @@ def facing_yaw(positions: Array) -> Array:
 
 
 def height_points(positions: Array, directions: Array) -> Array:
-    """XZ points `(..., n, 3, 2)` right, centre and left of trajectory samples `(..., n, 2)`."""
+    """Return XZ points `(..., n, 3, 2)` right of, at and left of trajectory samples `(..., n, 2)`."""
     left = np.stack([directions[..., 1], -directions[..., 0]], axis=-1)
     side = np.array([-HEIGHT_SPACING_M, 0.0, HEIGHT_SPACING_M], np.float32)[:, None]
     return positions[..., None, :] + side * left[..., None, :]
 
 
 def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tuple[Array, Array]:
-    """XZ points `(..., 12, 3, 2)` of trajectory samples and their heights `(..., 12, 3)`, right, centre and left.
+    """Return XZ points `(..., 12, 3, 2)` of trajectory samples and their heights `(..., 12, 3)`, right, centre and left.
 
-    Samples lie up to half a metre apart: what stands higher between two of them, as a hurdle does, counts in the nearer.
+    Samples are up to half a metre apart: something higher between two of them, such as a hurdle, counts for the nearer.
     """
     points = height_points(positions, directions)
     heights = terrain.height(points[..., 0], points[..., 1])
@@ -134,15 +134,15 @@ def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tu
 
 
 def mean_heights(terrain: Terrain, positions: Array) -> Array:
-    """Mean heights `(..., 12)` of the path around trajectory samples `(..., 12, 2)`: what is narrow counts by its width."""
+    """Return mean heights `(..., 12)` of the path around trajectory samples `(..., 12, 2)`; narrow obstacles count by width."""
     places = (1.0 - _SHARE) * positions[..., _FIRST, :] + _SHARE * positions[..., _FIRST + 1, :]
     return np.asarray(terrain.height(places[..., 0], places[..., 1]).mean(-1), np.float64)
 
 
 def softened(heights: Array) -> Array:
-    """Heights `(..., 12)` of a path over edges as the network sees them: nearer to the ground around the body.
+    """Return path heights `(..., 12)` with edges flattened towards the ground around the body, as the network is to see them.
 
-    Before stairs as they are it gives its style up, and on a slope it keeps it; the feet find the treads.
+    Steep stairs would make the network lose its style; the foot lock finds the treads by itself.
     """
     middle = L // 2
     here = heights[..., middle - 1 : middle + 2].mean(-1, keepdims=True)
@@ -150,16 +150,16 @@ def softened(heights: Array) -> Array:
 
 
 def ground_height(heights: Array) -> Array:
-    """Reference ground of a frame `(...)`: the mean centre height of the ±1 s window `(..., 12, 3)`.
+    """Return the reference ground height `(...)` of a frame: the mean centre height of the ±1 s window `(..., 12, 3)`.
 
-    The mean, not the height under the hips: it moves smoothly over steps (as in PFNN).
+    Unlike the height under the hips, the mean moves smoothly over steps (as in PFNN).
     """
     return np.asarray(heights[..., 1].sum(axis=-1) / heights.shape[-2])
 
 
 @dataclass
 class InputParts:
-    """What x is made of, in world space. Joints belong to the previous frame, the trajectory to this one."""
+    """The parts of the network input x, in world space; joints are of the previous frame, the trajectory of this one."""
 
     root_position: Array  # (..., 2) XZ
     root_yaw: Array  # (...)
@@ -173,7 +173,7 @@ class InputParts:
 
 
 def build_input(parts: InputParts) -> Array:
-    """x `(..., 472)` of one frame, not normalised."""
+    """Return the network input x `(..., 472)` of one frame, not normalised."""
     lead = np.shape(parts.root_yaw)
     yaw = np.asarray(parts.root_yaw)[..., None]
     centred = parts.trajectory_positions - parts.root_position[..., None, :]
@@ -191,7 +191,7 @@ def build_input(parts: InputParts) -> Array:
 
 @dataclass
 class OutputParts:
-    """What y is made of; joints, rotations and root displacement are relative to the root of frame i."""
+    """The parts of the network output y; joints, rotations and root displacement are relative to the root of frame i."""
 
     trajectory_positions: Array  # (..., 6, 2) relative to the root of frame i+1
     trajectory_directions: Array  # (..., 6, 2)
@@ -204,14 +204,14 @@ class OutputParts:
 
 
 def build_output(parts: OutputParts) -> Array:
-    """y `(..., 473)` of one frame, not normalised."""
+    """Return the network output y `(..., 473)` of one frame, not normalised."""
     lead = parts.root.shape[:-1]
     fields = [getattr(parts, name) for name in OUTPUT]
     return np.concatenate([f.reshape(*lead, -1) for f in fields], axis=-1).astype(np.float32)
 
 
 def split_output(y: Array) -> OutputParts:
-    """Inverse of `build_output`."""
+    """Split a network output into its parts; inverse of `build_output`."""
     lead = y.shape[:-1]
     return OutputParts(*(y[..., OUTPUT[name]].reshape(*lead, *shape) for name, shape in _SHAPES.items()))
 
@@ -229,12 +229,12 @@ _SHAPES = {
 
 
 def relative_joints(positions: Array, root_xz: Array, ground: Array, yaw: Array) -> Array:
-    """World joints `(..., 31, 3)` relative to a root: origin on the reference ground, turned by -yaw."""
+    """Return world joints `(..., 31, 3)` in the root frame: origin on the reference ground, rotated by -yaw."""
     origin = np.stack([root_xz[..., 0], np.asarray(ground), root_xz[..., 1]], axis=-1)
     return to_root(positions - origin[..., None, :], np.asarray(yaw)[..., None])
 
 
 def relative_rotations(world: Array, yaw: Array) -> Array:
-    """6D orientations `(..., 31, 6)` of world rotations `(..., 31, 4)` relative to a root's yaw `(...)`."""
+    """Return 6D orientations `(..., 31, 6)` of world rotations `(..., 31, 4)` relative to a root's yaw `(...)`."""
     turn = rotations.from_yaw(-np.asarray(yaw))[..., None, :]
     return rotations.to_6d(rotations.multiply(np.broadcast_to(turn, world.shape), world))

@@ -56,7 +56,7 @@ _PHASES = features.PHASE_OFFSETS + PRESENT
 
 @dataclass(frozen=True)
 class Frame:
-    """What a frame returns besides the state that it leads to."""
+    """Results of a frame other than the new state."""
 
     hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyframed
     local: Array  # (N, 31, 4)
@@ -64,7 +64,7 @@ class Frame:
     faults: Flags  # (N,) the network's output was no motion (`MAX_OUTPUT`): the character stands again
 
     def part(self, index: int) -> Frame:
-        """The frame of one of the characters."""
+        """Return the frame of one character."""
         one = slice(index, index + 1)
         return Frame(self.hips[one], self.local[one], self.reasons[one], self.faults[one])
 
@@ -77,9 +77,9 @@ def step(
     temperature: Sequence[float],
     response: Sequence[float],
 ) -> tuple[CharacterState, Frame]:
-    """The state 1/60 s later, with the poses to show in it; `state` stays as it is.
+    """Return the state 1/60 s later and the frame; `state` is not changed.
 
-    `controls`, `temperature` (of the sampler) and `response` (see `trajectory`) are one for each character.
+    `controls`, `temperature` (of the sampler) and `response` (see `trajectory`) have one entry per character.
     """
     before, state = state, copied(state)
     state.styles = tuple(style.advanced(DT) for style in state.styles)

@@ -11,6 +11,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
@@ -29,7 +30,7 @@ _DOWN = np.array([0.0, -1.0, 0.0])
 
 @dataclass(frozen=True)
 class Limb:
-    """An arm or a leg."""
+    """An arm or a leg that is kept out of walls."""
 
     upper: int  # joints: of the shoulder or hip,
     lower: int  # of the elbow or knee,
@@ -57,10 +58,10 @@ KEYFRAMED = (
 def resolve_penetration(
     hips: Array, local: Array, before: Array, terrain: Terrain, limbs: tuple[Limb, ...] = LIMBS
 ) -> Array:
-    """Local rotations `(31, 4)` whose `limbs` hang down as far as they must to be out of the ground.
+    """Return local rotations `(31, 4)` whose `limbs` hang down as far as needed to leave the ground.
 
-    `before` are those of the last frame, which arms turn away from no faster than `MAX_ARM_TURN_RAD_PER_FRAME` out of need, and no limb
-    faster than `MAX_TURN_RAD_PER_FRAME`.
+    `before` are those of the last frame: arms turn by at most `MAX_ARM_TURN_RAD_PER_FRAME`, any limb by at most
+    `MAX_TURN_RAD_PER_FRAME`.
     """
     result = _slowed(no_faster(local, before), before, _ARMS, limbs[0].turns[0])
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
@@ -121,7 +122,7 @@ def _depths(terrain: Terrain, limb: Limb, poses: Array, hips: Array) -> Array:
     """Metres `(M, N)` by which a limb's deepest joint in `poses` `(N, 31, 3)` is under the ground anywhere up to `free_m` `(M,)` farther from the hips."""
     joints = poses[:, [limb.lower, *limb.rest]]
     out = (joints - hips)[..., [0, 2]]
-    out = out / np.maximum(np.sqrt((out * out).sum(-1, keepdims=True)), 1e-6)
+    out = out / np.maximum(np.sqrt((out * out).sum(-1, keepdims=True)), MIN_SIZE)
     points = joints[..., [0, 2]] + np.array(limb.free_m)[:, None, None, None] * out
     depths = (terrain.height(points[..., 0], points[..., 1]) - joints[..., 1]).max(-1)
     return np.asarray(np.maximum.accumulate(depths[::-1])[::-1])
@@ -195,7 +196,7 @@ def _way_round(
     grid[:, limb.upper], grid[:, limb.lower] = np.repeat(upper, count, axis=0), np.tile(lower, (count, 1))
     depths = _pose_depths(terrain, limb, hips, grid)[-1].reshape(count, count)
     deepest = _deepest_on(depths)
-    turns = np.maximum(rotations.angle_between(before[moved], wanted[moved]), 1e-9)
+    turns = np.maximum(rotations.angle_between(before[moved], wanted[moved]), MIN_DIVISOR)
     at, fraction = (0, 0), np.zeros(2)
     while at != (count - 1, count - 1):
         steps = [
@@ -205,7 +206,7 @@ def _way_round(
         ]
         goal = min(steps, key=lambda cell: deepest[cell])
         there = TURN_FRACTIONS[list(goal)]
-        room = (MAX_TURN_RAD_PER_FRAME / turns - fraction) / np.maximum(there - fraction, 1e-9)
+        room = (MAX_TURN_RAD_PER_FRAME / turns - fraction) / np.maximum(there - fraction, MIN_DIVISOR)
         part = float(np.where(there > fraction, room, 1.0).min())
         fraction = fraction + min(max(part, 0.0), 1.0) * (there - fraction)
         if part < 1.0:
@@ -227,11 +228,11 @@ def _deepest_on(depths: Array) -> Array:
 def _turned(before: Array, after: Array, most: float | Array) -> Array:
     """Rotations `(..., 4)` on the way to those `after`, no farther than `most` radians."""
     angle = rotations.angle_between(before, after)
-    return rotations.slerp(before, after, np.minimum(1.0, most / np.maximum(angle, 1e-9)))
+    return rotations.slerp(before, after, np.minimum(1.0, most / np.maximum(angle, MIN_DIVISOR)))
 
 
 def no_faster(local: Array, before: Array) -> Array:
-    """Local rotations `(31, 4)` with limbs turned from those of the frame `before` by at most `MAX_TURN_RAD_PER_FRAME`."""
+    """Return local rotations `(31, 4)` with limbs turned by at most `MAX_TURN_RAD_PER_FRAME` since the frame `before`."""
     return _slowed(local, before, _ARMS + _LEGS, MAX_TURN_RAD_PER_FRAME)
 
 

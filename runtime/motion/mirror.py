@@ -36,9 +36,9 @@ _MIDLINE = [i for i, part in enumerate(PART_NAMES) if _twin(part) == part]
 
 
 def mirrored_code(z: Float32Array) -> Float32Array:
-    """Z^t `(6, 64)` of the mirrored words: the limbs' codes exchanged, the second half of torso and head negative.
+    """Return the mirrored Z^t `(6, 64)`: limb codes swapped, second half of torso and head negated.
 
-    Holds for a text network that reads every sentence as of the left side (`training.networks.content`).
+    It requires a text network that encodes every sentence as of the left side (`training.networks.content`).
     """
     result = z[TWINS]
     result[_MIDLINE, z.shape[1] // 2 :] *= -1.0
@@ -62,7 +62,7 @@ _LIMB_COLUMNS = [_columns(limb) for limb in range(LIMBS)]
 
 @dataclass(frozen=True)
 class Ways:
-    """Which way round the network walks, and whether it walks both ways and some limbs are those of the other."""
+    """Whether the network simulates a mirrored walk, and whether some limbs are taken from the opposite one."""
 
     mirrored: bool
     both: bool
@@ -70,12 +70,12 @@ class Ways:
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """The mirror image of a model's frames; `phase` `(C,)` has -1 for the channels whose vectors change their sign in it."""
+    """Mirrors a model's inputs and outputs; `phase` `(C,)` is -1 for phase channels that change sign."""
 
     phase: Float32Array
 
     def of_input(self, x: Float32Array) -> Float32Array:
-        """The mirror image of inputs `(B, 472)`."""
+        """Return mirrored inputs `(B, 472)`."""
         result = x.copy()
         for name in ("trajectory_positions", "trajectory_directions"):
             _turn(result, INPUT[name], lambda a: a.reshape(len(a), -1, 2) * _PLANE)
@@ -86,7 +86,7 @@ class Mirror:
         return result
 
     def of_output(self, y: Float32Array) -> Float32Array:
-        """The mirror image of outputs `(B, 473)`."""
+        """Return mirrored outputs `(B, 473)`."""
         result = y.copy()
         for name in ("trajectory_positions", "trajectory_directions"):
             _turn(result, OUTPUT[name], lambda a: a.reshape(len(a), -1, 2) * _PLANE)
@@ -103,7 +103,7 @@ class Mirror:
         return result
 
     def with_limbs(self, y: Float32Array, opposite: Float32Array, fractions: Float32Array) -> Float32Array:
-        """Outputs `(B, 473)` with `fractions` `(B, 4)` of the limbs' movement in the others of the same frame."""
+        """Return outputs `(B, 473)` with limbs blended by `fractions` `(B, 4)` towards those of the `opposite` output."""
         result = y.copy()
         for limb, columns in enumerate(_LIMB_COLUMNS):
             result[:, columns] += fractions[:, limb : limb + 1] * (opposite[:, columns] - y[:, columns])

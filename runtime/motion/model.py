@@ -24,6 +24,7 @@ from runtime.motion.mirror import Mirror, mirrored_code
 from runtime.motion.model_files import (
     FOLDED,
     INT8_GRAPH,
+    USUAL_STYLE_SIZE,
     check_graphs,
     choose_precision,
     open_graph,
@@ -53,7 +54,7 @@ def _waves(shape: tuple[int, ...], seed: int) -> NDArray[np.float32]:
 def drifting_noise(
     shape: tuple[int, ...], seed: int, seconds: float, spread: float = 1.0
 ) -> NDArray[np.float32]:
-    """Numbers of `shape` at a time, each a sum of slow waves with random amplitudes: N(0, `spread`), the same for a seed."""
+    """Return smooth noise of `shape` at a time: random sums of slow waves, distributed N(0, `spread`), equal for equal seeds."""
     angles = [2.0 * pi * seconds / period for period in PERIODS_S]
     weights = [spread * wave(angle) for wave in (cos, sin) for angle in angles]
     return (np.array(weights, np.float32) @ _waves(shape, seed)).reshape(shape)
@@ -65,15 +66,16 @@ LISTS = 8  # of styles that are kept stacked: two calls of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 NEW_MODEL = "Give a style for each, with a newly exported model."
 ROUNDING_M = 1e-3  # of heights that a ground stores
+WALK_RANGE_M_PER_S, JOG_RANGE_M_PER_S = (0.4, 2.2), (1.2, 5.0)  # of a body, whatever the network says
+MIN_JOG_RATIO = 1.3  # of a jog's speed over the walk's
 
 
 class MotionModel:
-    """One frame of motion: x and a style to y, by five denoising steps inside one graph.
+    """The motion network: input x and a style to output y, by five denoising steps in one graph.
 
-    Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8. With int8 a
-    character's output depends a little on the others of its batch: the scale of the activations is common to all.
-    `noise_shape` is `(steps, experts, output size)`,
-    `style_shape` that of Z^t: (6, 64), or of six sentence embeddings for a network without a content encoder.
+    Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8; with int8 the output
+    of a character depends slightly on the rest of its batch, which shares the scale of the activations. `noise_shape` is
+    `(steps, experts, output size)`, `style_shape` that of Z^t: (6, 64), or six sentence embeddings without a content encoder.
     """
 
     def __init__(
@@ -89,7 +91,10 @@ class MotionModel:
             int(config["experts"]),
             int(config["output_size"]),
         )
-        self.style_shape = (6, int(config.get("style_size", 384)) // 6)
+        self.style_shape = (
+            len(PART_NAMES),
+            int(config.get("style_size", USUAL_STYLE_SIZE)) // len(PART_NAMES),
+        )
         self._neutral_code, self._strength = _strength(folder, metadata, self.style_shape)
         self._mirror, self.calibration = _calibration(folder, metadata, self.neutral)
         self._swings = MeasuredSwings.read(folder, metadata, self.style_shape)
@@ -109,12 +114,12 @@ class MotionModel:
 
     @property
     def batches(self) -> bool:
-        """Whether characters with styles of their own can be in one call, independent of each other."""
+        """Whether one call can step characters of different styles independently."""
         return self._styles_apart and self.precision == "fp32"
 
     @cached_property
     def in_full(self) -> MotionModel:
-        """This model in full precision, for crowds: one call for all costs less than one with 8-bit weights for each."""
+        """This model in full precision, for crowds: one fp32 call for all is cheaper than an 8-bit call for each."""
         if self.precision == "fp32" or not self._styles_apart:
             return self
         full, name = copy.copy(self), "step"
@@ -123,21 +128,21 @@ class MotionModel:
         return full
 
     def crosses(self, obstacle: ObstacleAhead) -> bool:
-        """Whether the network crosses an obstacle by itself: it was seen to cross those of its kind up to this size."""
+        """Return whether the network crosses an obstacle by itself, judged by the largest of its kind that it was measured to cross."""
         return obstacle.size <= self._crosses.get(obstacle.kind.value, 0.0) + ROUNDING_M
 
     @property
     def prompt_path(self) -> Path:
-        """The text side of the content encoder: sentence embeddings to Z^t."""
+        """Path of the graph that maps sentence embeddings to Z^t, the text side of the content encoder."""
         return self.folder / "prompt.onnx"
 
     @property
     def neutral(self) -> Float32Array:
-        """Z^t `(6, 64)` of neutral walking; zeros, the middle of all training sentences, where a model does not tell it."""
+        """Z^t `(6, 64)` of neutral walking; zeros, the mean of all training sentences, if the model does not define it."""
         return np.zeros(self.style_shape, np.float32) if self._neutral_code is None else self._neutral_code
 
     def neutral_style(self, mirrored: bool) -> Style:
-        """Return neutral walking, folded once; `mirrored` as what is walked in the mirror."""
+        """Return the folded style of neutral walking; `mirrored` for a mirrored walk."""
         return self._neutral_styles[mirrored]
 
     @cached_property
@@ -148,8 +153,8 @@ class MotionModel:
     def fold_style(self, z: Float32Array, strength: float = 1.0) -> Style:
         """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.
 
-        The code is drawn out from that of neutral walking, n: n + s (z - n), s being `strength` times what the model's
-        metadata found best.
+        The code is exaggerated relative to that of neutral walking, n: n + s (z - n), where s is `strength` times the
+        best value in the model's metadata.
         """
         z = np.ascontiguousarray(z, np.float32)
         if z.shape != self.style_shape or not np.all(np.isfinite(z)):
@@ -165,7 +170,10 @@ class MotionModel:
         bias, weight, content_bias, speeds = run_graph(self._style, path, None, {"z": drawn})
         if not np.isfinite(speeds).all():
             raise ModelError(f"{path}: gives speeds that are not finite.", "Choose another model.")
-        walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
+        walk, jog = (
+            float(np.clip(speeds[0], *WALK_RANGE_M_PER_S)),
+            float(np.clip(speeds[1], *JOG_RANGE_M_PER_S)),
+        )
         rest = np.zeros((C, 2), np.float32)
         if len(speeds) > 2:
             if self._neutral_code is not None:  # legs and trunk of a giant or an angry body probe like waving
@@ -174,19 +182,21 @@ class MotionModel:
                 speeds = run_graph(self._style, path, None, {"z": arms})[3]
             rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T
         rest = rest.astype(np.float32)
-        return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk), rest, swings=self.swings(z))
+        return Style(
+            z, bias, weight, content_bias, walk, max(jog, MIN_JOG_RATIO * walk), rest, swings=self.swings(z)
+        )
 
     def swings(self, z: Float32Array) -> tuple[float, ...]:
-        """Gains of the swings of what is walked by Z^t `(6, 64)`; 1 where the model tells none."""
+        """Return the swing gains for a walk of Z^t `(6, 64)`; 1 if the model has none."""
         return PLAIN if self._swings is None else self._swings.of(z)
 
     def step(
         self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style]
     ) -> tuple[Float32Array, Float32Array]:
-        """y `(B, 473)` and alpha `(B, experts)` of inputs `(B, 472)` and noise `(B, *noise_shape)`.
+        """Run the network: y `(B, 473)` and alpha `(B, experts)` for inputs `(B, 472)` and noise `(B, *noise_shape)`.
 
-        `style` is one for all characters, or one for each; the same list again is not stacked anew. Mirrored styles get the
-        mirror image of x, and y is mirrored back; limbs that a style has of the other way round cost a second call.
+        `style` is one for all characters or one each; passing the same list again avoids stacking. For mirrored styles
+        x and y are mirrored; limbs that a style takes from the opposite walk cost a second call.
         """
         y, alpha = self._one_way(x, noise, style)
         styles = [style] * len(x) if isinstance(style, Style) else style
@@ -285,9 +295,9 @@ def _calibration(
 
 
 def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:
-    """Load and check a model, by its folder or its name (default: `compact`); ModelError names what is wrong with it.
+    """Load and check a model by folder or name (default: `compact`); ModelError says what is wrong with it.
 
-    `precision` is fp32, int8, or auto: what the folder's metadata name as the better one.
+    `precision` is fp32, int8, or auto: the default in the model's metadata.
     """
     folder = model_folder(folder)
     metadata = read_metadata(folder)
@@ -305,17 +315,17 @@ _JOINTS, _ROOT = (40, 31, 9), (40, 3)
 
 
 class ExportedMotionEncoder:
-    """`motion.onnx` of a model folder; ModelError when it is missing, damaged or from another export."""
+    """The graph `motion.onnx` of a model folder; ModelError if it is missing, damaged or from another export."""
 
     def __init__(self, folder: Path, threads: int = 1) -> None:
         data = read_graph(folder, "motion", read_metadata(folder))
         self._session = open_graph(folder / "motion.onnx", data, threads)
 
     def encode(self, joints: Float32Array, root: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """Mean and log-variance `(B, 6, 64)` of sequences of 40 samples, every second frame at 60 Hz.
+        """Return mean and log-variance `(B, 6, 64)` of sequences of 40 samples, every second frame at 60 Hz.
 
-        `joints` `(B, 40, 31, 9)`: position (metres, relative to the root and to the ground's height) and 6D rotation;
-        `root` `(B, 40, 3)`: its velocity (m/s, m/s, rad/s). All as in the network's output, not normalised.
+        `joints` `(B, 40, 31, 9)`: position (metres, relative to root and ground height) and 6D rotation; `root` `(B,
+        40, 3)`: its velocity (m/s, m/s, rad/s). All as in the network's output, not normalised.
         """
         if joints.shape[1:] != _JOINTS or root.shape != (len(joints), *_ROOT):
             raise ModelError(

@@ -15,7 +15,7 @@ from runtime.errors import ModelError
 from runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE, C
 from runtime.motion.unsigned_weights import unsigned_weights
 from runtime.safe_read import is_text, parse_json, read_bounded, reason
-from runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from runtime.terrain.obstacle_detection import ObstacleKind
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ PRODUCT = (
 
 @cache
 def signed_products_are_exact() -> bool:
-    """Whether onnxruntime multiplies by signed 8-bit weights without overflow: tried with the largest numbers there are.
+    """Return whether onnxruntime multiplies signed 8-bit weights without overflow, tested with the largest values.
 
     False on processors without VNNI (Intel before Ice Lake, AMD before Zen 4).
     """
@@ -50,6 +50,8 @@ def signed_products_are_exact() -> bool:
 MAX_METADATA_BYTES = 16 * 1024 * 1024
 MAX_GRAPH_BYTES = 1024 * 1024 * 1024
 MAX_NAME = 200
+USUAL_STYLE_SIZE = 384  # of models that do not say: 64 numbers for each body part
+MAX_EXPERTS, MAX_CODE_SIZE = 1024, 4096
 MAX_START = 1e4  # metres and the like
 REMEDY = "Install the program again, or name another model folder."
 FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
@@ -63,12 +65,12 @@ _FIELDS: dict[str, type] = {
 
 
 def write_metadata(folder: Path, metadata: dict[str, Any]) -> None:
-    """Into a model folder."""
+    """Write metadata.json into a model folder."""
     write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """The checked metadata of a model folder; ModelError names the file, the field and what was expected."""
+    """Read and check the metadata of a model folder; ModelError names the file, the field and what was expected."""
     path = folder / "metadata.json"
     data = read_bounded(path, MAX_METADATA_BYTES, REMEDY, missing=REMEDY, error=ModelError)
     try:
@@ -80,7 +82,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def read_crosses(folder: Path, metadata: dict[str, Any]) -> dict[str, float]:
-    """Metres up to which the network crosses obstacles by itself, by their kind; none where a model does not say."""
+    """Return the largest obstacle (metres) of each kind that the network crosses by itself; empty if the model has no such data."""
     crosses = metadata.get("crosses", {})
     kinds = {kind.value for kind in ObstacleKind}
     if not isinstance(crosses, dict) or not crosses.keys() <= kinds:
@@ -123,10 +125,10 @@ def _check_config(path: Path, config: dict[str, Any]) -> None:
             "Train a preset with rotations.",
         )
     experts = config.get("experts")
-    if type(experts) is not int or not 1 <= experts <= 1024:
+    if type(experts) is not int or not 1 <= experts <= MAX_EXPERTS:
         raise ModelError(f"{path}: field 'config.experts' is no number of experts.", REMEDY)
-    size = config.get("style_size", 384)
-    if type(size) is not int or not 6 <= size <= 6 * 4096:
+    size = config.get("style_size", USUAL_STYLE_SIZE)
+    if type(size) is not int or not len(PART_NAMES) <= size <= len(PART_NAMES) * MAX_CODE_SIZE:
         raise ModelError(f"{path}: field 'config.style_size' is no size of six codes.", REMEDY)
 
 
@@ -140,9 +142,9 @@ def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
 
 
 def choose_precision(folder: Path, metadata: dict[str, Any], wanted: str) -> str:
-    """fp32 or int8 for one of PRECISIONS; `auto` is the model's default.
+    """Return the precision to load, fp32 or int8, for one of PRECISIONS; `auto` is the model's default.
 
-    ModelError when int8 is requested and not there, and when the metadata name another default.
+    Raises ModelError if int8 is requested but missing, or the metadata has an unknown default.
     """
     path = folder / "metadata.json"
     quantised = metadata.get("quantised", {})
@@ -160,7 +162,7 @@ def choose_precision(folder: Path, metadata: dict[str, Any], wanted: str) -> str
 
 
 def read_graph(folder: Path, name: str, metadata: dict[str, Any]) -> bytes:
-    """The bytes of `name`.onnx, which must be those that the metadata was written for."""
+    """Read `name`.onnx of a model folder; ModelError unless it matches the metadata's hash."""
     path = folder / f"{name}.onnx"
     data = read_bounded(path, MAX_GRAPH_BYTES, REMEDY, missing=REMEDY, error=ModelError)
     if hashlib.sha256(data).hexdigest() != metadata["sha256"].get(name):
@@ -169,9 +171,9 @@ def read_graph(folder: Path, name: str, metadata: dict[str, Any]) -> bytes:
 
 
 def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSession:
-    """A CPU session that does not spin while idle; ModelError when `data`, read from `path`, is no network.
+    """Open a CPU session that does not spin while idle; ModelError if `data`, read from `path`, is not a network.
 
-    Where products with signed weights overflow, those of the 8-bit graph are made unsigned.
+    If products of signed weights overflow on this processor, 8-bit weights are made unsigned.
     """
     import onnxruntime
 
@@ -197,7 +199,7 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
 
 
 def check_names(session: onnxruntime.InferenceSession) -> None:
-    """UnicodeDecodeError where an input or output of a damaged graph has a name that is no text."""
+    """Raise UnicodeDecodeError if an input or output of a damaged graph has an undecodable name."""
     for value in (*session.get_inputs(), *session.get_outputs()):
         _ = value.name, value.shape
 
@@ -205,7 +207,7 @@ def check_names(session: onnxruntime.InferenceSession) -> None:
 def run_graph(
     session: onnxruntime.InferenceSession, path: Path, names: list[str] | None, feed: dict[str, Any]
 ) -> list[Any]:
-    """The outputs of a graph read from `path`; ModelError where it cannot be computed."""
+    """Run a graph read from `path` and return its outputs; ModelError if it fails."""
     try:
         return list(session.run(names, feed))
     except Exception as error:  # onnxruntime's exceptions have no common base class but Exception
@@ -221,10 +223,9 @@ def check_graphs(
     style_shape: tuple[int, int] = (6, 64),
     step_name: str = "step",
 ) -> bool:
-    """Whether `step` takes a style for each character; ModelError when the graphs do not fit this program, the
-    metadata or each other."""
+    """Return whether `step` takes a style per character; ModelError if the graphs do not fit this program, the metadata or each other."""
     prompt_path = folder / "prompt.onnx"
-    _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, 6, None]})
+    _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, len(PART_NAMES), None]})
     # what comes after z are the distribution's parameters, which evaluation compares (models of version 0.1 lack them)
     _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, *style_shape]})
     style_path, step_path = folder / "style.onnx", folder / f"{step_name}.onnx"

@@ -11,7 +11,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import FPS
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, decay
 
 GAIN_RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL_GAIN = 0.8  # gain for a relative error of one: more of it makes long slow strides leap
@@ -29,7 +29,7 @@ _SETS_OFF, _MEASURES = 1.0 - decay(SETS_OFF_S), 1.0 - decay(SPEED_HALF_LIFE_S)
 
 @dataclass
 class SpeedRegulator:
-    """What the regulators of N characters remember, all `(N,)`."""
+    """State of the speed regulators of N characters, all `(N,)`."""
 
     expected: Array = field(metadata=_NUMBERS)  # m/s
     measured: Array = field(metadata=_NUMBERS)  # m/s
@@ -38,13 +38,16 @@ class SpeedRegulator:
 
     @staticmethod
     def at_rest(count: int = 1) -> SpeedRegulator:
-        """Of standing characters: what one walk needed says nothing of the next."""
+        """Return the state of standing characters; every walk starts afresh."""
         return SpeedRegulator(np.zeros(count), np.zeros(count), np.zeros(count), np.ones(count))
 
     def update(
         self, requested: Sequence[float], speed: Sequence[float], moving: Sequence[bool]
     ) -> list[float]:
-        """The gains for this frame, of the requested speeds and the roots' in the last frame, m/s; 1 at rest."""
+        """Return the factor for each character's requested speed in this frame, which makes its root as fast as requested; 1 at rest.
+
+        `requested` and last frame's root `speed` are in m/s.
+        """
         numbers = (each.tolist() for each in (self.expected, self.measured, self.stood, self.integral))
         made, gains = [], []
         for wanted, shown, moves, expected, measured, stood, integral in zip(
@@ -84,22 +87,22 @@ _STRIDES = 1.0 - decay(STRIDE_HALF_LIFE_S)
 
 @dataclass
 class StrideState:
-    """The speed of the planted feet over that of the root, of N characters, from frame to frame."""
+    """Ratio of planted-foot speed to root speed of N characters, carried from frame to frame."""
 
     feet: Array = field(metadata={"shape": (4, 2)})  # (N, 4, 2) in XZ, relative to the root
     fraction: Array = field(metadata={"shape": ()})  # (N,)
 
     @staticmethod
     def at_rest(joints: Array) -> StrideState:
-        """Of characters whose joints `(N, 31, 3)` do not move."""
+        """Return the state of characters at rest with joints `(N, 31, 3)`."""
         return StrideState(_across(joints), np.ones(len(joints)))
 
     def carried(
         self, joints: Array, contacts: Array, flying: Sequence[bool]
     ) -> list[tuple[float, float, float]]:
-        """Velocities that planted feet carry the roots at since the last `update`, m/s across and along in their frames, each with the weight on them.
+        """Return the root velocity that planted feet imply since the last `update`: m/s across and along, and the weight of the feet.
 
-        Joints `(N, 31, 3)` relative to the root, contacts `(N, 4)`; none of who is `flying`.
+        Joints `(N, 31, 3)` are relative to the root, contacts `(N, 4)`; feet of `flying` characters have no weight.
         """
         moved, result = (_across(joints) - self.feet).tolist(), []
         for feet, chances, flies in zip(moved, contacts.tolist(), flying, strict=True):
@@ -114,7 +117,7 @@ class StrideState:
     def update(
         self, joints: Array, carried: Sequence[tuple[float, float, float]], speeds: Sequence[float]
     ) -> None:
-        """Go on from joints relative to the root, with what they `carried` and the roots' smoothed speeds in m/s."""
+        """Store the joints relative to the root, and update the speed ratio with `carried` and the roots' smoothed speeds (m/s)."""
         self.feet = _across(joints)
         fractions = self.fraction.tolist()
         for i, ((x, z, total), speed) in enumerate(zip(carried, speeds, strict=True)):
@@ -128,19 +131,19 @@ class StrideState:
 
 
 def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool, response: float) -> float:
-    """How much longer strides become, for speeds in m/s: planned, smoothed and not; and the root's, smoothed and not.
+    """Return the factor by which strides lengthen, for `planned` and `shown` speeds (m/s), each smoothed and not smoothed.
 
-    `response` is 1 where a body may start at once.
+    `response` is 1 for a body that may start at once.
     """
     (smooth, requested), (measured, root) = planned, shown
-    going = smooth / max(requested, 1e-9)
+    going = smooth / max(requested, MIN_DIVISOR)
     settled = min(max((going - SETTLED_FRACTION) / (1.0 - SETTLED_FRACTION), response), 1.0)
     going = min(max((going - SETTING_OFF_FRACTION) / (1.0 - SETTING_OFF_FRACTION), response), 1.0)
-    longer = min(max(smooth / max(measured, 1e-9), STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
+    longer = min(max(smooth / max(measured, MIN_DIVISOR), STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
     if settled == 1.0:
         return longer
     # a body that has caught up with its plan is not carried past it
-    most = STRETCH[1] if jogs else max(WALK_START_RATIO * requested / max(root, 1e-9), 1.0)
+    most = STRETCH[1] if jogs else max(WALK_START_RATIO * requested / max(root, MIN_DIVISOR), 1.0)
     return min(longer, most + (STRETCH[1] - 1.0) * settled)
 
 
@@ -157,7 +160,7 @@ _FEET = 1.0 - decay(FEET_HALF_LIFE_S)
 
 @dataclass
 class Stall:
-    """What is remembered of the feet of N characters."""
+    """Foot movement of N characters, to detect a gait that stalls."""
 
     feet: Array = field(metadata={"shape": (4, 3)})  # (N, 4, 3) relative to the root
     speed: Array = field(metadata={"shape": ()})  # (N,) of the feet, m/s, smoothed
@@ -165,11 +168,11 @@ class Stall:
 
     @staticmethod
     def at_rest(joints: Array) -> Stall:
-        """Of characters whose joints `(N, 31, 3)` do not move."""
+        """Return the state of characters at rest with joints `(N, 31, 3)`."""
         return Stall(joints[:, POINTS], np.zeros(len(joints)), np.zeros(len(joints)))
 
     def update(self, joints: Array, requested: Sequence[float]) -> list[bool]:
-        """Which gaits stall, given joints `(N, 31, 3)` relative to the root and the `requested` speeds in m/s, 0 at rest."""
+        """Return which gaits stall, from joints `(N, 31, 3)` relative to the root and `requested` speeds in m/s, 0 at rest."""
         feet = joints.take(POINTS, 1)
         moved = feet - self.feet
         shown = (np.sqrt((moved * moved).sum(-1)).sum(-1) * (FPS / len(POINTS))).tolist()
@@ -183,7 +186,7 @@ class Stall:
 
 
 def advance_by_cycles(phase: Array, cycles: float) -> Array:
-    """Phase vectors `(..., 2)`, amplitude times sine and cosine, advanced by `cycles`."""
+    """Return phase vectors `(..., 2)` (amplitude times sine and cosine) advanced by `cycles`."""
     angle = 2.0 * np.pi * cycles
     sine, cosine = np.sin(angle), np.cos(angle)
     s, c = phase[..., 0], phase[..., 1]

@@ -18,6 +18,7 @@ from runtime.motion.controller import Controller, Crowd
 from runtime.motion.features import facing_yaw
 from runtime.motion.model import MotionModel
 from runtime.motion.style import Shares, StyleMix
+from runtime.scalar_math import MIN_DIVISOR
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
@@ -26,28 +27,28 @@ LEAD_IN, FRAMES = 120, 240  # not measured, measured: some walks take seconds to
 STICK_FRACTION = 0.7
 # of the whole change that a step counts for: equal walks leave the fractions as they are
 MIN_CHANGE_FRACTION = 0.02
-FIELD_M = 200.0
+FIELD_M, FIELD_CELL_M = 200.0, 10.0
 
 
 def perceptual_weights(
     model: MotionModel, a: Array, b: Array, strength: float = 1.0, pause: float = 0.0
 ) -> Shares:
-    """Shares of style `b` `(6, 64)` at which 0, 1/12, 2/12 ... of the change from style `a` is done.
+    """Return the weights of style `b` `(6, 64)` at which 0, 1/12, 2/12 ... of the visible change from style `a` is done.
 
-    `pause` seconds pass between frames, for threads in the interpreter of a window.
+    `pause` is slept between frames (seconds), so that a worker thread does not block the window's.
     """
     fractions = np.linspace(0.0, 1.0, WALKERS)
     mixed = [StyleMix((1.0 - fraction, fraction), (a, b)) for fraction in fractions.tolist()]
     steps = np.linalg.norm(np.diff(walks(model, mixed, strength, pause), axis=0), axis=1)
-    steps = np.maximum(steps, MIN_CHANGE_FRACTION * steps.sum()) + 1e-9
+    steps = np.maximum(steps, MIN_CHANGE_FRACTION * steps.sum()) + MIN_DIVISOR
     done = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     found = np.interp(fractions, done, fractions)
     return (0.0, *found[1:-1].tolist(), 1.0)
 
 
 def walks(model: MotionModel, styles: Sequence[StyleMix], strength: float = 1.0, pause: float = 0.0) -> Array:
-    """Mean and deviation of the joints `(W, 186)` of a straight walk in every style, seen from the root, in metres."""
-    ground = Terrain.flat(size_m=FIELD_M, cell_m=10.0)
+    """Return mean and deviation of the joints `(W, 186)` of a straight walk in each style, in the root frame, metres."""
+    ground = Terrain.flat(size_m=FIELD_M, cell_m=FIELD_CELL_M)
     walkers = [Controller(model, ground, 0, strength=strength) for _ in styles]
     for walker, style in zip(walkers, styles, strict=True):
         walker.set_style(style, 0.0)

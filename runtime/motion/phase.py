@@ -21,12 +21,12 @@ _NEAREST = np.arange(PRESENT + 1) // SAMPLE_STEP
 
 
 def advance_phase(window: Array, samples: Array) -> Array:
-    """The window `(N, 121, C, 2)` one frame on, with the network's forecast `(N, 7, C, 2)` of present and future."""
+    """Return the window `(N, 121, C, 2)` one frame later, with the network's forecast `(N, 7, C, 2)` of present and future."""
     return np.concatenate([window[:, 1 : PRESENT + 1], samples.take(_NEAREST, 1)], 1)
 
 
 def at_rate(before: Array, window: Array, rate: Array) -> Array:
-    """The window `(N, 121, C, 2)` that follows `before`, with its present and future turned back to `rate` `(N,)` of the frame's way."""
+    """Return the phase window `(N, 121, C, 2)` slowed: its present and future advance only by the fraction `rate` `(N,)`."""
     if all(each == 1.0 for each in rate.tolist()):
         return window
     old, new = before[:, PRESENT], window[:, PRESENT]
@@ -55,18 +55,21 @@ _PRESENT = int(-PHASE_OFFSETS[0])
 
 @dataclass
 class RestRhythm:
-    """The clocks of N characters, from frame to frame."""
+    """Gesture phases of N standing characters, carried from frame to frame."""
 
     fraction: Array = field(metadata={"shape": (C,)})  # (N, C) that each has taken over
     turns: Array = field(metadata={"shape": (C,)})  # (N, C) of the clocks
 
     @staticmethod
     def silent(count: int = 1) -> RestRhythm:
-        """Nothing swings."""
+        """Return the state without gestures."""
         return RestRhythm(np.zeros((count, C)), np.zeros((count, C)))
 
     def apply(self, phase: Array, styles: Sequence[Array], standing: Array) -> Array:
-        """The windows `(N, 121, C, 2)` of this frame; `styles` are amplitudes and rates `(C, 2)` at rest, `standing` `(N,)` 0 to 1."""
+        """Return the phase windows `(N, 121, C, 2)` of this frame with the styles' gestures at rest.
+
+        `styles` are amplitudes and rates `(C, 2)` at rest, `standing` `(N,)` is 0 to 1.
+        """
         if max(standing.tolist()) <= STANDING_LABEL_FRACTION and not np.count_nonzero(self.fraction):
             return phase
         rest = np.stack(styles)

@@ -22,7 +22,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.easing import spring
 from runtime.motion.features import DT, FPS
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, decay
 from runtime.skeleton import SPORT_SKELETON, J
 
 ARMS = [
@@ -41,7 +41,7 @@ _DONE_RAD = 1e-3  # rad
 
 @dataclass
 class Inertialization:
-    """The offsets of N characters, from frame to frame."""
+    """Inertialization offsets of N characters, carried from frame to frame."""
 
     # (N, 12, 4) the network's rotations of the last frame
     last: Array = field(metadata={"shape": (len(JOINTS), 4)})
@@ -52,14 +52,14 @@ class Inertialization:
 
     @staticmethod
     def at_rest(local: Array) -> Inertialization:
-        """Of characters whose local rotations `(N, 31, 4)` do not change."""
+        """Return the state of characters at rest with local rotations `(N, 31, 4)`."""
         still = np.zeros((len(local), len(JOINTS), 3))
         return Inertialization(local[:, JOINTS], still, still, np.zeros(len(local)))
 
     def apply(self, local: Array, blending: Sequence[bool], rest: Sequence[float]) -> list[bool]:
-        """Turn arms and trunk of the network's local rotations `(N, 31, 4)` into those to show; which characters' are others.
+        """Smooth arms and trunk of the network's local rotations `(N, 31, 4)` in place, and return which characters changed.
 
-        `rest` is 0 for a body that moves as it likes, to 1 for one that is to be calm.
+        `rest` is 0 for a body that moves freely, up to 1 for one that should be calm.
         """
         left = [
             AFTER_BLEND_S if blends else max(0.0, each - DT)
@@ -81,7 +81,7 @@ class Inertialization:
         limit, calm = np.array(limits)[:, None, None], np.array(rest)
         turn = rotations.to_rotation_vector(rotations.multiply(arms, rotations.inverse(last)))
         angle = np.sqrt((turn * turn).sum(-1, keepdims=True))
-        excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, 1e-9))
+        excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, MIN_DIVISOR))
         offset = rotations.from_rotation_vector(self.offset)
         offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
         vector = rotations.to_rotation_vector(offset)
@@ -122,13 +122,14 @@ RATE_HALF_LIFE_S = 0.05  # seconds, half-life, in which the rate changes while a
 SETTLE_HALF_LIFE_S = 0.12  # seconds, half-life, in which the limit goes down,
 WAKE_HALF_LIFE_S = 0.05  # and up again
 WHOLE_FRAME_FRACTION = 1.0 - 1e-6  # of a frame's time: more is all of it
+MIN_RATE_FRACTION = 1e-3  # of it: slower counts as this
 STEPPING_ON_FRACTION = 0.6  # of its usual speed a body keeps until both feet stand
 _FORGETS, _SETTLES, _WAKES = decay(RANGE_HALF_LIFE_S), decay(SETTLE_HALF_LIFE_S), decay(WAKE_HALF_LIFE_S)
 
 
 @dataclass
 class Settling:
-    """How slow the time of N characters runs, and the poses that they were in."""
+    """Playback rate and last pose of N characters that come to rest."""
 
     local: Array = field(metadata={"shape": (J, 4)})  # (N, 31, 4) of the last frame, relative to the root
     usual: Array = field(metadata={"shape": (len(WATCHED),), "most": 1000.0})  # (N, 7) m/s
@@ -138,7 +139,7 @@ class Settling:
 
     @staticmethod
     def awake(local: Array) -> Settling:
-        """Of characters that do not move, local rotations `(N, 31, 4)` relative to the root."""
+        """Return the state of moving characters with local rotations `(N, 31, 4)` relative to the root."""
         one = np.ones(len(local))
         usual = np.full((len(local), len(WATCHED)), MIN_USUAL_SPEED_M_PER_S)
         return Settling(local, usual, one, 0.0 * one, one)
@@ -151,10 +152,10 @@ class Settling:
         still: Sequence[bool],
         grounded: Sequence[bool],
     ) -> Array:
-        """The rates `(N,)` of this frame, for joints `(N, 31, 3)` relative to the root and those of the last frame.
+        """Return how slowly each character's time runs in this frame, `(N,)`, 1 at full speed.
 
-        `free`: nothing is requested of the body, which may be coming to rest; `still`: it is where it was requested to be;
-        `grounded`: both feet stand where they may stay.
+        `joints` and those of the last frame are `(N, 31, 3)`, relative to the root. `free`: nothing is requested of the body,
+        so it may come to rest; `still`: it has reached its requested place; `grounded`: both feet stand where they may stay.
         """
         moved = joints.take(WATCHED, 1) - before.take(WATCHED, 1)
         speeds = (np.sqrt((moved * moved).sum(-1)) * FPS).tolist()
@@ -172,9 +173,9 @@ class Settling:
                     for each, now in zip(usual[i], speed, strict=True)
                 ]
             limits = zip(usual[i], AT_REST, speed, strict=True)
-            rate = min(max(fractions[i] * each, least) / max(now, 1e-9) for each, least, now in limits)
+            rate = min(max(fractions[i] * each, least) / max(now, MIN_DIVISOR) for each, least, now in limits)
             rate = min(rate, 1.0)
-            even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], 1e-3)))
+            even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], MIN_RATE_FRACTION)))
             rate += (float(self.rate[i]) - rate) * even
             rates.append(
                 rate if rate < WHOLE_FRAME_FRACTION else 1.0
@@ -184,7 +185,7 @@ class Settling:
         return self.rate
 
     def between(self, local: Array) -> Array:
-        """Local rotations `(N, 31, 4)` on the way from the last frame's to these, by the rates; remembers them."""
+        """Return local rotations `(N, 31, 4)` interpolated from the last frame's by the playback rates, and store them."""
         if min(self.rate.tolist()) < 1.0:
             turn = rotations.to_rotation_vector(rotations.multiply(local, rotations.inverse(self.local)))
             part = rotations.from_rotation_vector(turn * self.rate[:, None, None])

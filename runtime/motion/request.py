@@ -17,7 +17,7 @@ from runtime.motion.root_motion import SPEED_HALF_LIFE
 from runtime.motion.state import CharacterState
 from runtime.motion.style import Style
 from runtime.motion.trajectory import JOG_SHARE, PRESENT, Plan
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, decay
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
 from runtime.terrain.steps import level_ahead
@@ -37,7 +37,7 @@ _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
 
 @dataclass(frozen=True)
 class FrameRequest:
-    """What the sticks ask of N characters in this frame."""
+    """Desired velocity, facing and gait of N characters in this frame."""
 
     velocity: list[tuple[float, float]]  # m/s
     facing: list[float | None]  # radians, None to keep it
@@ -45,7 +45,7 @@ class FrameRequest:
 
 
 def full_speed(style: Style, gait: Gait) -> float:
-    """What a full stick requests in a style, m/s."""
+    """Return the speed (m/s) that a full stick requests in a style."""
     walk, jog = style.speeds
     return {Gait.JOG: jog, Gait.CROUCH: CROUCH_SPEED}.get(gait, walk)
 
@@ -54,16 +54,16 @@ def _stick(controls: Controls) -> tuple[float, float, float]:
     """X, Z and length of the stick, which is at most `MAX_STICK_LENGTH`."""
     x, z = float(controls.move[0]), float(controls.move[1])
     amount = hypot(x, z)
-    kept = min(1.0, MAX_STICK_LENGTH / max(amount, 1e-9))
+    kept = min(1.0, MAX_STICK_LENGTH / max(amount, MIN_DIVISOR))
     return x * kept, z * kept, amount * kept
 
 
 def probe_paths(
     model: MotionModel, state: CharacterState, controls: Sequence[Controls], terrain: Terrain
 ) -> list[ObstacleProbe]:
-    """The obstacles on the sticks' paths that the network does not cross by itself; every traversal remembers whether it stops."""
+    """Return the obstacle on each character's path that the network cannot cross; updates which characters are stopped by one."""
     sticks, here = [_stick(each) for each in controls], state.trajectory.here
-    headings = np.array([(x / max(size, 1e-9), z / max(size, 1e-9)) for x, z, size in sticks])
+    headings = np.array([(x / max(size, MIN_DIVISOR), z / max(size, MIN_DIVISOR)) for x, z, size in sticks])
     clear = _clear(state, headings, terrain)
     probes = []
     for i, traversal in enumerate(state.traversals):
@@ -95,7 +95,7 @@ def read_request(
     probes: Sequence[ObstacleProbe],
     styles: Sequence[Style],
 ) -> FrameRequest:
-    """What is requested of every root; writes `wished_speed`, and begins jumps."""
+    """Return the desired velocity, facing and gait of each character; updates `wished_speed` and starts jumps."""
     request, speeds = FrameRequest([], [], []), []
     for i, (stick, probe, style) in enumerate(zip(controls, probes, styles, strict=True)):
         jump, traversal = state.jumps[i], state.traversals[i]
@@ -131,7 +131,7 @@ def _facing(
 
 
 def root_velocity_of(state: CharacterState, index: int) -> tuple[float, float]:
-    """Of the root in the last frames, m/s."""
+    """Return the root velocity over the last frames, m/s (X, Z)."""
     xz = state.trajectory.xz[index]
     x, z = ((xz[PRESENT] - xz[PRESENT - TAKE_OFF_FRAMES]) / (TAKE_OFF_FRAMES * DT)).tolist()
     return x, z
@@ -146,7 +146,7 @@ def _jog_from(style: Style, gait: int, wished: float) -> float:
 def steer(
     state: CharacterState, request: FrameRequest, styles: Sequence[Style], response: Sequence[float]
 ) -> None:
-    """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
+    """Plan the next second of the trajectory towards the request, which the network then reads."""
     wished = state.wished_speed.tolist()
     plan = state.trajectory.plan(
         request.velocity,

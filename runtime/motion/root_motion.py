@@ -23,7 +23,7 @@ from runtime.motion.pose_smoothing import (
 )
 from runtime.motion.state import CharacterState
 from runtime.motion.trajectory import GAME_RESPONSE_FRACTION, PRESENT
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE, decay
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
@@ -48,9 +48,9 @@ def root_velocity(
     terrain: Terrain,
     response: Sequence[float],
 ) -> Array:
-    """The velocities `(N, 2)` (m/s) that the roots take of the network's in their frames; writes the speeds and the strides.
+    """Return the root velocities `(N, 2)` (m/s, in root frames), corrected from the network's; updates root speeds and strides.
 
-    Contacts `(N, 4)` are the network's; `response` is 0 for a captured body and 1 for a player's.
+    `contacts` `(N, 4)` are the network's; `response` is 0 (as captured) to 1 (game).
     """
     root, measured = state.root_speed.tolist(), state.measured_speed.tolist()
     jogs = (state.trajectory.gait[:, PRESENT, Gait.JOG] > 0.5).tolist()
@@ -62,7 +62,7 @@ def root_velocity(
         if state.wished_speed[i] == 0.0 and not jump.airborne:
             # a body at rest does not creep: what is faster than the plan fades
             most = max(LAST_SPEED * requested, _COAST ** (GAME_RESPONSE_FRACTION**-haste) * root[i])
-            creep = min(1.0, most / max(speed, 1e-6))
+            creep = min(1.0, most / max(speed, MIN_SIZE))
             x, z, speed = creep * x, creep * z, creep * speed
         root[i], measured[i] = speed, measured[i] + (speed - measured[i]) * _FOLLOWS
         aside_x, aside_z = over_feet(state, i)
@@ -99,7 +99,7 @@ def _past_obstacles(
     clear = [True] * len(state)
     if not gentle:
         near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
-        way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)
+        way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), MIN_DIVISOR)
         clear = level_ahead(terrain, state.trajectory.here, way, near).tolist()
     for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
         if traversal.kind:
@@ -122,7 +122,7 @@ GAIT_CHANGE_FRACTION = 0.03  # of the labels of gait in a frame: a body crouches
 
 
 def rest_share(state: CharacterState) -> list[float]:
-    """How far each body has come to rest: 0 while it moves or gesticulates, 1 when its plan stands still."""
+    """Return how far each body has come to rest: 0 while it moves or gestures, 1 when its plan stands still."""
     return [
         0.0
         if wished > 0.0 or jump.airborne
@@ -138,9 +138,9 @@ def rest_share(state: CharacterState) -> list[float]:
 
 
 def settled_pose(state: CharacterState, local: Array, joints: Array, contacts: Array) -> tuple[Array, Array]:
-    """The network's pose as far as a body at rest moves towards it in a frame; writes `state.settling`.
+    """Return the local rotations and joints to show: the network's, slowed as a body comes to rest. Updates `state.settling`.
 
-    Local rotations `(N, 31, 4)` and joints `(N, 31, 3)`, relative to the root; contacts `(N, 4)`.
+    Local rotations `(N, 31, 4)` and joints `(N, 31, 3)` are relative to the root; contacts `(N, 4)`.
     """
     free = [_is_free(state, i) for i in range(len(state))]
     still = [free[i] and _stands_still(state, i) for i in range(len(state))]
@@ -175,7 +175,7 @@ def _stands_still(state: CharacterState, i: int) -> bool:
 
 
 def over_feet(state: CharacterState, i: int) -> tuple[float, float]:
-    """Velocity (m/s, X and Z) that brings a calm body over its feet: one that stops leaves them up to 0.2 m behind."""
+    """Return the velocity (m/s, X and Z) that brings a body at rest over its feet, which a stop leaves up to 0.2 m behind."""
     feet, fraction = state.feet[i], 1.0 - float(state.settling.fraction[i]) / NEARLY_AT_REST_FRACTION
     if fraction <= 0.0 or not all(feet.held):
         return 0.0, 0.0
@@ -183,6 +183,8 @@ def over_feet(state: CharacterState, i: int) -> tuple[float, float]:
     x, z = 0.5 * (left_x + right_x), 0.5 * (left_z + right_z)
     distance = hypot(x, z)
     speed = (
-        fraction * min(max(distance - UNSEEN_M, 0.0) / OVER_FEET_S, MAX_SWAY_M_PER_S) / max(distance, 1e-9)
+        fraction
+        * min(max(distance - UNSEEN_M, 0.0) / OVER_FEET_S, MAX_SWAY_M_PER_S)
+        / max(distance, MIN_DIVISOR)
     )
     return speed * x, speed * z

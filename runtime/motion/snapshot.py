@@ -43,15 +43,15 @@ FOLDED_FIELDS = ("z", "front_bias", "content_weight", "content_bias", "rest")
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """State of one controller, whose `styles` are left out, and the codes that its style is folded from."""
+    """State of one controller without its `styles`, and the codes from which its style is folded."""
 
     state: CharacterState
     codes: StyleCodes
 
     def restore(self, controller: Controller) -> None:
-        """Put `controller` into this state; it must have the same model, and stands on its own ground.
+        """Restore this state into `controller`, which must have the same model and keeps its terrain.
 
-        FileError when the state belongs to another model.
+        Raises FileError if the state belongs to another model.
         """
         start = self.codes.start
         try:
@@ -64,7 +64,7 @@ class Snapshot:
             raise FileError(f"state of a controller: {error.problem}", REMEDY) from error
 
     def to_bytes(self) -> bytes:
-        """The snapshot as an NPZ without objects; see `from_bytes`."""
+        """Return the snapshot as NPZ bytes without pickled objects; see `from_bytes`."""
         arrays: list[np.ndarray] = []
         codes = self.codes
         style = {
@@ -82,7 +82,7 @@ class Snapshot:
 
     @staticmethod
     def from_bytes(data: bytes, name: str = "snapshot") -> Snapshot:
-        """What `to_bytes` made; FileError, which begins with `name`, when `data` is anything else."""
+        """Read a snapshot written by `to_bytes`; a FileError that begins with `name` for anything else."""
         if len(data) > MAX_BYTES:
             raise FileError(f"{name}: larger than {MAX_BYTES >> 20} MB.", REMEDY)
         try:
@@ -121,7 +121,7 @@ def _is_one_character(state: CharacterState) -> bool:
 
 
 def take_snapshot(controller: Controller) -> Snapshot:
-    """The state of `controller` after its last step; later steps do not change it."""
+    """Return the state of `controller` after its last step; later steps do not change it."""
     (blend,) = controller.state.styles
     state = copied(controller.state)
     state.styles = ()

@@ -34,7 +34,7 @@ _FLOAT32 = {"dtype": np.float32}
 
 @dataclass
 class Poses:
-    """What is shown of N characters, float32: see `runtime.pose.Pose`."""
+    """Shown poses of N characters, float32; see `runtime.pose.Pose`."""
 
     hips: Array = field(metadata={"shape": (3,), **_FLOAT32})
     local: Array = field(metadata={"shape": (J, 4), **_FLOAT32})
@@ -45,7 +45,7 @@ class Poses:
     yaw: Array = field(metadata={"shape": ()})
 
     def pose(self, index: int = 0) -> Pose:
-        """That of one character."""
+        """Return the pose of one character."""
         return Pose(
             self.hips[index],
             self.local[index],
@@ -57,20 +57,20 @@ class Poses:
         )
 
     def raised(self, rise: Array) -> Poses:
-        """The same poses `rise` `(N,)` metres higher."""
+        """Return the poses raised by `rise` `(N,)` metres."""
         up = np.stack([0.0 * rise, rise, 0.0 * rise], axis=-1).astype(np.float32)
         return replace(self, hips=self.hips + up, positions=self.positions + up[:, None], root=self.root + up)
 
 
 def network_pose(y: OutputParts) -> tuple[Array, Array]:
-    """Local rotations `(N, 31, 4)` and joints `(N, 31, 3)` on the fixed skeleton, relative to the root."""
+    """Return local rotations `(N, 31, 4)` and joints `(N, 31, 3)` of the network's output on the fixed skeleton, relative to the root."""
     turned = rotations.matrix_from_6d(y.joint_rotations)
     local, joints = SPORT_SKELETON.oriented(y.joint_positions[:, 0], turned)
     return rotations.from_matrix(local), joints
 
 
 def placed(hips: Array, local: Array, trajectory: Trajectory, ground: Array) -> tuple[Array, Array]:
-    """Hips `(N, 3)` and local rotations `(N, 31, 4)` in the world of a pose relative to the root, over the `ground` `(N,)` (m)."""
+    """Return world hips `(N, 3)` and local rotations `(N, 31, 4)` of poses relative to the root, above `ground` `(N,)` (m)."""
     hips, local = hips.copy(), local.copy()
     for i, (root, yaw) in enumerate(
         zip(trajectory.here.tolist(), trajectory.yaw[:, PRESENT].tolist(), strict=True)
@@ -84,7 +84,7 @@ def placed(hips: Array, local: Array, trajectory: Trajectory, ground: Array) -> 
 def shown_poses(
     hips: Array, local: Array, contacts: Array, trajectory: Trajectory, terrain: Terrain
 ) -> Poses:
-    """Forward kinematics of hips `(N, 3)` and local rotations `(N, 31, 4)`, with the roots on the ground."""
+    """Return poses by forward kinematics of hips `(N, 3)` and local rotations `(N, 31, 4)`, with the roots on the ground."""
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     point = PointHeights(terrain).height
     root = np.array([(x, point(x, z), z) for x, z in trajectory.here.tolist()])
@@ -95,12 +95,13 @@ def shown_poses(
 
 # m/s: a hand in a captured jog; a network far from its data jumps at up to 100
 MAX_JOINT_SPEED_M_PER_S = 24.0
+SLOWING_ROUNDS = 4
 
 
 def bound_speed(poses: Poses, before: Poses) -> None:
-    """Take poses back on the way from those a frame before, so far that no joint is faster than `FASTEST_JOINT`.
+    """Move poses back towards those of the frame `before`, so that no joint is faster than `MAX_JOINT_SPEED_M_PER_S`.
 
-    The network goes on from its own pose, where what is shown arrives some frames later.
+    The network continues from its own pose, which the shown one reaches some frames later.
     """
     moved = poses.positions - before.positions
     if float((moved * moved).max()) * 3.0 < (MAX_JOINT_SPEED_M_PER_S * DT) ** 2:
@@ -111,7 +112,7 @@ def bound_speed(poses: Poses, before: Poses) -> None:
     last = before.hips[fast], before.local[fast], before.positions[fast]
     hips, local, positions = poses.hips[fast], poses.local[fast], poses.positions[fast]
     fraction = np.ones((len(hips), 1))
-    for _ in range(4):  # a fraction of all turns is not that of the way
+    for _ in range(SLOWING_ROUNDS):  # a fraction of all turns is not that of the way
         fraction *= np.minimum(1.0, MAX_JOINT_SPEED_M_PER_S / _fastest_joint(positions, last[2]))[:, None]
         placed = last[0] + fraction * (hips - last[0]), rotations.slerp(last[1], local, fraction)
         positions, world = SPORT_SKELETON.forward_kinematics(*placed)
@@ -129,9 +130,9 @@ _ONE = {"shape": ()}
 
 @dataclass
 class CharacterState:
-    """Named arrays whose first axis is the character; the scalar paths of feet and traversals have a record for each.
+    """State of N characters: named arrays with the character as first axis, and a record per character for feet and traversals.
 
-    A state is a value: `runtime.motion.frame.step` makes the next one of it and leaves it as it is.
+    It is a value: `runtime.motion.frame.step` returns the next state and does not change this one.
     """
 
     seed: NDArray[np.int64] = field(metadata={"shape": (), "dtype": np.int64})  # of the noise
@@ -171,7 +172,7 @@ class CharacterState:
 def standing(
     model: MotionModel, terrain: Terrain, style: StyleBlend, seed: int, x: float, z: float, yaw: float
 ) -> CharacterState:
-    """One character that stands at x, z (metres) facing `yaw` (radians), as the model's metadata say that it begins."""
+    """Return the state of one character standing at x, z (metres), facing `yaw` (radians), in the start pose of the model's metadata."""
     start = model.metadata["start"]
     y = split_output(np.array(start["output"], np.float64)[None])
     samples = np.array(start["phase"], np.float64).reshape(len(PHASE_OFFSETS), -1)

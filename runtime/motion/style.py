@@ -31,7 +31,7 @@ CACHED = 16  # folded codes that are kept: a blend of six parts has seven
 
 @dataclass(frozen=True)
 class Style:
-    """What a prompt contributes to every frame: the modulator's folded weights and the natural speeds."""
+    """A prompt's input to every frame: the modulator's folded weights and the natural speeds."""
 
     z: Float32Array  # (6, 64), as it came from the prompt, whatever the strength
     front_bias: Float32Array
@@ -50,14 +50,14 @@ class Style:
 
     @cached_property
     def is_edited(self) -> tuple[bool, ...]:
-        """Whether any part is to show anything, in each of `GAITS`."""
+        """Whether body edits are active, for each of `GAITS`."""
         asked = self.edits[..., 0].astype(bool)
         asked[:, FOLD[0], FOLD[1]] = asked[:, :ROW_TRUNK, PACED] = False
         return tuple(bool(gait.any()) for gait in asked)
 
     @cached_property
     def speeds(self) -> tuple[float, float]:
-        """m/s at which it walks and jogs: its own, as slow or as fast as its words say of the legs."""
+        """Walking and jogging speed (m/s), adjusted by what the prompt says of the legs."""
         own = self.walk_speed, self.jog_speed
         walk, jog = (self._paced(k, each, NEUTRAL_SPEEDS[k]) for k, each in enumerate(own))
         return walk, jog
@@ -73,24 +73,24 @@ class Style:
 
     @cached_property
     def folds(self) -> tuple[float, ...]:
-        """Degrees from upright that the trunk leans forward at most, in each gait; infinite where nothing bounds it."""
+        """Largest forward lean (degrees) of the trunk in each gait; infinite if unlimited."""
         found = [gait[FOLD].tolist() for gait in self.edits]
         return tuple(range_of(fold)[1] if fold[0] > 0.0 else inf for fold in found)
 
     @cached_property
     def asked(self) -> list[list[list[list[float]]]]:
-        """What parts are to show in each of `GAITS`, as plain numbers."""
+        """The edit targets of each body part, for each of `GAITS`, as nested lists."""
         return self.edits.tolist()
 
     @property
     def ways(self) -> Ways:
-        """The ways round that it is folded."""
+        """Whether the style is folded for a mirrored walk, and whether limbs come from the opposite one."""
         return Ways(self.mirrored, self.opposite is not None)
 
 
 @dataclass(frozen=True, eq=False)
 class StyleMix:
-    """Codes Z^t `(6, 64)` with their weights, which sum to one, and what parts are to show (`runtime.edits.request`)."""
+    """Codes Z^t `(6, 64)` with weights that sum to one, and the edit targets of the body parts (`runtime.edits.request`)."""
 
     weights: tuple[float, ...]
     codes: tuple[Float32Array, ...]
@@ -98,22 +98,25 @@ class StyleMix:
 
 
 def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:
-    """The fractions of the second style at which these parts (0 to 1) of the change are done; 0 and 1 stay what they are."""
+    """Return the blend weights of the second style that change the walk visibly by these fractions, 0 to 1.
+
+    `fractions` are the weights that `runtime.motion.perceptual_weights` measured.
+    """
     return tuple(np.interp(weights, np.linspace(0.0, 1.0, len(fractions)), fractions).tolist())
 
 
 def turned_round(fractions: Shares) -> Shares:
-    """The fractions of the same pair, the other style first."""
+    """Return the measured weights of the same two styles in reverse order."""
     return tuple(1.0 - fraction for fraction in reversed(fractions))
 
 
 def mixes(weights: Sequence[float]) -> bool:
-    """Whether any part is of both styles; else there is nothing to measure."""
+    """Return whether any part is a mixture of both styles."""
     return any(0.0 < weight < 1.0 for weight in weights)
 
 
 def mixed(styles: Sequence[Style], weights: Sequence[float]) -> Style:
-    """The weighted mean of folded styles, all of them folded the same ways; one style alone is handed back as it is."""
+    """Return the weighted mean of folded styles, all folded with the same mirroring; a single style is returned unchanged."""
     if len(styles) == 1:
         return styles[0]
 
@@ -140,7 +143,7 @@ def mixed(styles: Sequence[Style], weights: Sequence[float]) -> Style:
 
 
 class StyleFolder:
-    """Folds codes and mixes at one strength, each code once; the ways round are those that a model's `calibration` says."""
+    """Folds codes and mixes at one strength, each code once, with the mirroring chosen by the model's `calibration`."""
 
     def __init__(
         self,
@@ -154,9 +157,9 @@ class StyleFolder:
         self._known: dict[tuple[bytes, bool], Style] = {}
 
     def fold(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style:
-        """The style folded the ways round that it is walked best, or at least the requested ones.
+        """Fold a style for the walk, mirrored or not, in which it looks best, or for those that `like` names.
 
-        ModelError where a code does not fit the model.
+        Raises ModelError if a code does not fit the model.
         """
         mix = style if isinstance(style, StyleMix) else StyleMix((1.0,), (style,))
         return replace(self._mixed(mix, like), edits=mix.edits)
@@ -187,14 +190,14 @@ class StyleFolder:
 
 
 class Fold(Protocol):
-    """Folds a code or a mix the ways round that it is walked best, or the requested ones."""
+    """Folds a code or a mix for the walk, mirrored or not, in which it looks best, or for the requested ones."""
 
     def __call__(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style: ...
 
 
 @dataclass(frozen=True, eq=False)
 class StyleCodes:
-    """What a style was, what it becomes, and how far it is."""
+    """The start and goal of a style transition, and its progress."""
 
     start: StyleMix | Style  # a blend that began in the middle of another begins with what was shown, folded
     goal: StyleMix
@@ -204,13 +207,13 @@ class StyleCodes:
 
     @property
     def fraction(self) -> float:
-        """Of the goal, eased at both ends."""
+        """Fraction of the goal, eased at both ends."""
         return smoothstep(self.progress)
 
 
 @dataclass(frozen=True, eq=False)
 class StyleBlend:
-    """Codes with what follows from them: the folded weights of start and goal, and those of this frame."""
+    """A style transition with its folded weights at start, goal and this frame."""
 
     codes: StyleCodes
     ends: tuple[Style, Style]
@@ -218,9 +221,9 @@ class StyleBlend:
 
     @staticmethod
     def of(codes: StyleCodes, fold: Fold) -> StyleBlend:
-        """Folded by a model at the codes' strength; ModelError where a code does not fit the model.
+        """Return the blend of `codes`, folded; ModelError if a code does not fit the model.
 
-        A blend to a style that is walked in the mirror is in it from the beginning, and the reverse.
+        A transition between a mirrored and an unmirrored style is mirrored like its goal from the beginning.
         """
         goal, start = fold(codes.goal), codes.start
         if codes.progress < 1.0 and not isinstance(start, Style):
@@ -237,24 +240,24 @@ class StyleBlend:
 
     @staticmethod
     def constant(style: Float32Array | StyleMix, strength: float, fold: Fold) -> StyleBlend:
-        """One style that holds; ModelError where a code does not fit the model."""
+        """Return a blend of one constant style; ModelError if a code does not fit the model."""
         return StyleBlend.of(StyleCodes(_mix(style), _mix(style), strength=strength), fold)
 
     def towards(self, style: Float32Array | StyleMix, seconds: float, fold: Fold) -> StyleBlend:
-        """From what is shown now to another style; ModelError where a code does not fit the model."""
+        """Return the transition from the style shown now to another; ModelError if a code does not fit the model."""
         if seconds <= 0.0:
             return StyleBlend.constant(style, self.codes.strength, fold)
         start = self.style if self.blending else self.codes.goal
         return StyleBlend.of(StyleCodes(start, _mix(style), seconds, 0.0, self.codes.strength), fold)
 
     def at_strength(self, strength: float, fold: Fold) -> StyleBlend:
-        """The same blend at another strength, by which `fold` folds."""
+        """Return the same blend at another strength; `fold` folds at that strength."""
         start = self.codes.start
         start = _mix(start) if isinstance(start, Style) else start
         return StyleBlend.of(replace(self.codes, start=start, strength=strength), fold)
 
     def advanced(self, dt: float) -> StyleBlend:
-        """The blend `dt` seconds on."""
+        """Return the blend `dt` seconds later."""
         if not self.blending:
             return self
         codes = replace(self.codes, progress=min(1.0, self.codes.progress + dt / self.codes.seconds))
@@ -262,7 +265,7 @@ class StyleBlend:
 
     @property
     def blending(self) -> bool:
-        """Whether it still changes."""
+        """Whether the transition is still in progress."""
         return self.codes.progress < 1.0
 
 

@@ -21,6 +21,7 @@ from runtime.feet.foot_lock import carrying_rise
 from runtime.feet.leg import LegBones, LegPose, leg_bones, leg_forward, leg_inverse
 from runtime.feet.reach import span
 from runtime.scalar_math import (
+    MIN_DIVISOR,
     Quaternion,
     Vector,
     add,
@@ -55,6 +56,7 @@ KNOWN_STYLE_CODE_DISTANCE = 0.2
 UNKNOWN_STYLE_WEIGHT = 0.01  # weight of the gain 1 against that of a style at its own code
 CAPTURED_GAIN_FRACTION = 0.1  # of a gain: as far from 1, it is that of a captured style
 UNSEEN_GAIN_FRACTION = 0.03  # of a gain: nearer to 1 it is left alone
+MIN_SHARE_FRACTION = 1e-3  # of what is drawn out: less is none
 MEAN_HALF_LIFE_S = 0.8  # seconds in which the means follow the pose
 # seconds, half-lives, in which gains come into force in a walk, and go
 SET_IN_HALF_LIFE_S, LEAVE_HALF_LIFE_S = 0.5, 0.12
@@ -73,13 +75,13 @@ _MEANS = 4 + 4 * len(_UPPER_ARMS)
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSwings:
-    """Codes `(n, 6, 64)` of captured styles and the gains `(n, 5)` with which a model shows their swings as they were captured."""
+    """Codes `(n, 6, 64)` of captured styles, with the gains `(n, 5)` that restore the captured amplitude of their swings."""
 
     codes: Array
     gains: Array
 
     def of(self, z: Array) -> tuple[float, ...]:
-        """Return the gains of a Z^t `(6, 64)`: those of the measured styles that it is near to, 1 far from all."""
+        """Return the swing gains for Z^t `(6, 64)`, from the nearest measured styles; 1 far from all."""
         away = ((self.codes - z) ** 2).mean(-1)
         near = np.stack(
             [np.exp(-0.5 * away[:, parts].mean(1) / KNOWN_STYLE_CODE_DISTANCE**2) for parts in _TOLD_BY]
@@ -89,7 +91,7 @@ class MeasuredSwings:
 
     @staticmethod
     def read(folder: Path, metadata: dict[str, Any], shape: tuple[int, int]) -> MeasuredSwings | None:
-        """Of a model's metadata; None where it has none. ModelError for what no model measures."""
+        """Read the gains from a model's metadata; None if it has none. Raises ModelError if they are invalid."""
         section = metadata.get("swings")
         if section is None:
             return None
@@ -109,14 +111,14 @@ class MeasuredSwings:
 
 
 def composed_fraction(gains: Sequence[float]) -> float:
-    """Return how far no captured style has a walk with these gains: 0 for one that is captured, to 1."""
+    """Return how unlike a captured walk these swing gains are: 0 for a captured style, up to 1."""
     gained = max(abs(gains[swing] - 1.0) for swing in (YAW, ROLL, BOB))
     return 1.0 - min(gained / CAPTURED_GAIN_FRACTION, 1.0)
 
 
 @dataclass
 class Swings:
-    """The running means of N characters: three angles (radians) and a height (metres), then a quaternion of each upper arm."""
+    """Running means of N characters: three angles (radians) and a height (metres), then a quaternion for each upper arm."""
 
     means: Array = field(default_factory=lambda: np.zeros((1, _MEANS)), metadata={"shape": (_MEANS,)})
     share: Array = field(default_factory=lambda: np.zeros(1), metadata={"shape": (), "most": 1.0})
@@ -129,14 +131,14 @@ class Swings:
         gains: Sequence[tuple[float, ...]],
         walking: Sequence[bool],
     ) -> tuple[Array, Array]:
-        """Hips `(N, 3)` and local rotations `(N, 31, 4)`, relative to the root, as they are shown.
+        """Scale the swings of a walk; returns hips `(N, 3)` and local rotations `(N, 31, 4)`, relative to the root.
 
-        `contacts` `(N, 4)`; `gains` of `SWINGS`, and whether it walks, of each character.
+        `contacts` is `(N, 4)`; `gains` of `SWINGS` and `walking` have one entry per character.
         """
         shares = self.share.tolist()
         for i, (own, walks) in enumerate(zip(gains, walking, strict=True)):
             walks = walks and any(abs(gain - 1.0) > UNSEEN_GAIN_FRACTION for gain in own)
-            if not walks and shares[i] < 1e-3:
+            if not walks and shares[i] < MIN_SHARE_FRACTION:
                 shares[i] = 0.0
                 continue
             if self.share[i] == 0.0:  # begins with what is
@@ -200,7 +202,7 @@ def _swung(
 def _swing_arms(result: Array, means: list[Quaternion], more: float) -> None:
     for joint, mean, q in zip(_UPPER_ARMS, means, result[list(_UPPER_ARMS)].tolist(), strict=True):
         swing = to_vector(multiply(q, inverse(mean)))
-        size = min(abs(more), MOST[ARMS] / max(length(swing), 1e-9))
+        size = min(abs(more), MOST[ARMS] / max(length(swing), MIN_DIVISOR))
         result[joint] = multiply(from_vector(scale(swing, copysign(size, more))), q)
 
 

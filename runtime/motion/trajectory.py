@@ -21,7 +21,7 @@ from runtime.easing import smoothstep
 from runtime.motion import features
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
 from runtime.motion.style import NEUTRAL_SPEEDS
-from runtime.scalar_math import decay
+from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE, decay
 from runtime.terrain.height_map import Terrain
 
 TO_WALK_S = 0.72  # seconds from rest to the walking speed of a neutral body, and back
@@ -36,6 +36,9 @@ LABEL_HALF_LIFE = 0.08  # seconds in which a gait's label comes and goes
 CROUCH_HALF_LIFE = 0.35  # of the label of a crouch: knees and elbows snap where it comes at once
 STILL_SPEED = 0.15  # m/s: slower is standing, as the training's labels have it
 JOG_SHARE = 0.75  # of a slow jog's speed from which it is a jog
+# times a speed over its threshold: labels go over from 1 to 2, a third of it to both sides
+LABEL_CHANGE_RATIO = 1.5
+MIN_CROUCH_CHANGE = 0.02  # of the weight of a crouch, from which on it is slow
 AHEAD = np.arange(61) / FPS  # seconds of the coming frames, the present one first
 _STAND, _WALK, _JOG, _CROUCH = map(int, (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH))
 _MAKES_UP = decay(WISH_HALF_LIFE)
@@ -44,7 +47,7 @@ _LABEL_FADE = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
 
 @dataclass(frozen=True)
 class Plan:
-    """The coming second of N characters, the present frame first."""
+    """Planned velocities, yaws and gaits of N characters for the next second, the present frame first."""
 
     velocities: Array  # (N, 61, 2) m/s
     yaws: Array  # (N, 61) radians
@@ -52,13 +55,13 @@ class Plan:
 
 
 def change_seconds(walk_speed: float, response: float) -> float:
-    """Seconds in which a body changes its velocity by its walking speed (m/s); `response` 0 (capture) to 1 (game)."""
+    """Return the time constant (seconds) to change velocity by the walking speed (m/s); `response` is 0 (as captured) to 1 (game)."""
     style = min(max(sqrt(NEUTRAL_SPEEDS[0] / walk_speed), FASTEST_CHANGE_RATIO), SLOWEST_CHANGE_RATIO)
     return TO_WALK_S * style * GAME_RESPONSE_FRACTION**response
 
 
 def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
-    """Seconds in which a body at a speed turns by TURN (m/s; see `change_seconds`)."""
+    """Return the time (seconds) to turn by TURN at a speed (m/s); see `change_seconds`."""
     standing, walking, twice = TO_TURN_S
     going = min(speed / walk_speed, 2.0)
     slower, faster, part = (standing, walking, going) if going < 1.0 else (walking, twice, going - 1.0)
@@ -66,7 +69,7 @@ def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
 
 
 def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array) -> Array:
-    """What is left of `missing` (0 or more) `after` seconds: exponential above `reach`, linear from there to 0."""
+    """Return what remains of a difference `missing` (0 or more) after a time: exponential above `reach`, then linear to 0."""
     t = after / seconds
     if all((missing <= reach).ravel().tolist()):
         return np.maximum(missing - reach * t, 0.0)
@@ -76,15 +79,18 @@ def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array
 
 
 def planned_velocities(now: Array, wish: Array, reach: Array, seconds: Array) -> Array:
-    """Velocities `(N, 61, 2)` on the way from `now` to `wish` `(N, 2)`, m/s."""
+    """Return velocities `(N, 61, 2)` (m/s) that go from `now` to `wish` `(N, 2)`.
+
+    They change by `reach` `(N,)` (m/s) in `seconds` `(N,)`, and faster if the difference is larger.
+    """
     change = now - wish
     missing = np.sqrt((change * change).sum(-1, keepdims=True))
-    fraction = remaining(missing, reach[:, None], seconds[:, None], AHEAD) / np.maximum(missing, 1e-9)
+    fraction = remaining(missing, reach[:, None], seconds[:, None], AHEAD) / np.maximum(missing, MIN_DIVISOR)
     return np.asarray(wish[:, None] + fraction[..., None] * change[:, None])
 
 
 def facings(now: Array, wish: Array, seconds: Array) -> Array:
-    """Yaws `(N, 61)` on the shorter way from `now` to `wish` `(N,)`, radians."""
+    """Return yaws `(N, 61)` (radians) that turn the shorter way from `now` to `wish` `(N,)`, by TURN in `seconds` `(N,)`."""
     turn = (now - wish + np.pi) % (2 * np.pi) - np.pi
     left = remaining(np.abs(turn)[:, None], TURN, seconds[:, None], AHEAD)
     return np.asarray((now - turn)[:, None] + np.sign(turn)[:, None] * left)
@@ -93,14 +99,16 @@ def facings(now: Array, wish: Array, seconds: Array) -> Array:
 def labels(
     speeds: Array, now: Array, gait: Sequence[int], jog_from: Sequence[float], response: Sequence[float]
 ) -> Array:
-    """Weights of gaits `(N, 61, 6)` of planned speeds `(N, 61)`, as the training's labels follow the speed.
+    """Return gait weights `(N, 61, 6)` for planned speeds `(N, 61)`, following the speed as training labels do.
 
-    `gait` is the requested one, `now` `(N, 6)` the present weights, which go over into the plan's; `jog_from`
-    m/s is where a jog begins. A gait other than standing, walking and jogging is kept as it is. At full `response`
-    a crouch comes as fast as other labels.
+    `gait` is the requested one, `now` `(N, 6)` the present weights, from which the plan fades in; `jog_from` (m/s) is where
+    a jog begins. Gaits other than stand, walk and jog are kept. At full `response` a crouch comes as fast as other labels.
     """
-    # over a third of a threshold to both sides; a body that jumps without a stick has a threshold of 0
-    rates = [[1.5 / STILL_SPEED] * len(speeds), [1.5 / max(each, 1e-6) for each in jog_from]]
+    # a body that jumps without a stick has a threshold of 0
+    rates = [
+        [LABEL_CHANGE_RATIO / STILL_SPEED] * len(speeds),
+        [LABEL_CHANGE_RATIO / max(each, MIN_SIZE) for each in jog_from],
+    ]
     moves, jogs = smoothstep(speeds * np.array(rates)[..., None] - 1.0)
     plan = np.zeros((*speeds.shape, GAITS))
     plan[..., _STAND] = 1.0 - moves
@@ -112,7 +120,7 @@ def labels(
             plan[i] = np.eye(GAITS)[own]
     change = now - plan[:, 0]
     fade = _LABEL_FADE
-    crouches = np.abs(change[:, _CROUCH]) > 0.02
+    crouches = np.abs(change[:, _CROUCH]) > MIN_CROUCH_CHANGE
     if any(crouches.tolist()):
         slow = np.maximum(CROUCH_HALF_LIFE * GAME_RESPONSE_FRACTION ** np.array(response), LABEL_HALF_LIFE)
         fade = np.where(crouches[:, None], 0.5 ** ((AHEAD + 1.0 / FPS) / slow[:, None]), fade)
@@ -142,13 +150,13 @@ _GOING_ON[:, -2] -= _BEYOND
 
 
 def wrap_angle(angle: Array | float) -> Array:
-    """Angles in radians brought to -pi..pi."""
+    """Return angles in radians wrapped to -pi..pi."""
     return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
 
 
 @dataclass(frozen=True)
 class TrajectoryView:
-    """What the viewer draws: the 12 samples in world space."""
+    """The 12 trajectory samples in world space, for drawing."""
 
     positions: Array  # (12, 3)
     directions: Array  # (12, 2)
@@ -156,7 +164,7 @@ class TrajectoryView:
 
 @dataclass
 class Trajectory:
-    """Dense windows of 121 frames of N characters."""
+    """Trajectory windows of 121 frames (±1 s) of N characters."""
 
     xz: Array = field(metadata={"shape": (LENGTH, 2)})  # (N, 121, 2)
     yaw: Array = field(metadata={"shape": (LENGTH,)})  # (N, 121) unwrapped
@@ -168,7 +176,7 @@ class Trajectory:
 
     @staticmethod
     def standing(x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Trajectory:
-        """Of one character that stands at x, z."""
+        """Return the trajectory of one character standing at x, z (metres), facing `yaw` (radians)."""
         gait = np.zeros((1, LENGTH, GAITS))
         gait[..., 0] = 1.0
         xz = np.tile(np.array([x, z], np.float64), (1, LENGTH, 1))
@@ -184,11 +192,11 @@ class Trajectory:
 
     @property
     def here(self) -> Array:
-        """XZ of the roots in this frame, `(N, 2)`."""
+        """XZ position of the roots in this frame, `(N, 2)`."""
         return self.xz[:, PRESENT]
 
     def view(self, terrain: Terrain, index: int = 0) -> TrajectoryView:
-        """The 12 samples of one character, laid on the terrain."""
+        """Return the 12 samples of one character, projected onto the terrain."""
         xz, yaw = self.xz[index, SAMPLES], self.yaw[index, SAMPLES]
         height = terrain.height(xz[:, 0], xz[:, 1])
         directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
@@ -203,10 +211,10 @@ class Trajectory:
         jog_from: Sequence[float],
         response: Sequence[float],
     ) -> Plan:
-        """The coming second on the way to velocities (m/s), facings (radians, None keeps it) and gaits.
+        """Plan the next second towards velocities (m/s), facings (radians, None keeps the present one) and gaits.
 
-        `walk` are the styles' walking speeds, `response` is 0 (capture) to 1 (game). Moves `wish`, `wish_yaw`,
-        `velocity` and `requested_yaw` on by a frame.
+        `walk` are the styles' walking speeds, `response` is 0 (as captured) to 1 (game). Advances `wish`, `wish_yaw`,
+        `velocity` and `requested_yaw` by a frame.
         """
         seconds, around, wishes, yaws = [], [], [], []
         for i, (pace, haste) in enumerate(zip(walk, response, strict=True)):
@@ -226,7 +234,7 @@ class Trajectory:
         return Plan(velocities, ways, labels(speeds, self.gait[:, PRESENT], gait, jog_from, response))
 
     def steer(self, plan: Plan) -> None:
-        """Blend a plan into the coming second."""
+        """Blend a plan into the trajectory's next second."""
         self.xz, self.yaw, self.gait = self.xz.copy(), self.yaw.copy(), self.gait.copy()
         ahead = self.xz[:, PRESENT:]
         steps = ahead[:, 1:] - ahead[:, :-1]
@@ -237,9 +245,9 @@ class Trajectory:
         self.gait[:, PRESENT:] = plan.gaits
 
     def advance(self, displacement: Array, turn: Array, positions: Array, directions: Array) -> None:
-        """Move on by one frame, after `steer`, in its windows: displacements `(N, 2)` metres and turns `(N,)` radians.
+        """Advance the windows by one frame, after `steer`: displacements `(N, 2)` metres and turns `(N,)` radians.
 
-        `positions`, `directions` `(N, 6, 2)` are the network's coming samples (0, 10 ... 50 frames on); all in world space.
+        `positions`, `directions` `(N, 6, 2)` are the network's predicted samples (0, 10 ... 50 frames ahead), in world space.
         """
         for window in (self.xz, self.yaw, self.gait):
             window[:, :PRESENT] = window[:, 1 : PRESENT + 1]

@@ -19,6 +19,7 @@ _INITIALIZER, _VALUE_INFO = 5, 13  # of a GraphProto
 _DATA_TYPE, _INT32_DATA, _RAW_DATA = 2, 5, 9  # of a TensorProto
 _UINT8, _INT8 = 2, 3
 _VARINT, _FIXED_64, _BYTES, _FIXED_32 = 0, 1, 2, 5  # kinds of fields on the wire
+_PAYLOAD_BITS, _PAYLOAD, _MORE, _MAX_BITS = 7, 0x7F, 0x80, 70  # of each byte of a varint, and of a whole one
 
 
 class _Field(NamedTuple):
@@ -31,7 +32,7 @@ class _Field(NamedTuple):
 
 
 def unsigned_weights(data: bytes) -> bytes:
-    """An ONNX model whose initializers of type int8 are of type uint8, 128 larger; ValueError where `data` is no model."""
+    """Convert the int8 initializers of an ONNX model to uint8, adding 128; ValueError if `data` is not a model."""
     out = bytearray()
     for field in _fields(data):
         if (field.number, field.kind) == (_GRAPH, _BYTES):
@@ -105,22 +106,22 @@ def _varints(data: bytes) -> Iterator[int]:
 
 def _read_varint(data: bytes, position: int) -> tuple[int, int]:
     value = 0
-    for shift in range(0, 70, 7):
+    for shift in range(0, _MAX_BITS, _PAYLOAD_BITS):
         if position >= len(data):
             break
         byte = data[position]
         position += 1
-        value |= (byte & 0x7F) << shift
-        if byte < 0x80:
+        value |= (byte & _PAYLOAD) << shift
+        if byte < _MORE:
             return value, position
     raise ValueError("a number without an end")
 
 
 def _varint(value: int) -> bytes:
     out = bytearray()
-    while value > 0x7F:
-        out.append(value & 0x7F | 0x80)
-        value >>= 7
+    while value > _PAYLOAD:
+        out.append(value & _PAYLOAD | _MORE)
+        value >>= _PAYLOAD_BITS
     out.append(value)
     return bytes(out)
 

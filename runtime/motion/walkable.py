@@ -32,7 +32,7 @@ _FOLLOWS = 1.0 - decay(RISE_HALF_LIFE_S)
 
 @dataclass
 class WalkableShare:
-    """The share of its style that each of N characters is shown with, and how it walks."""
+    """Fraction of its style with which each of N characters is shown, and measurements of its walk."""
 
     share: Array = field(default_factory=lambda: np.ones(1), metadata={"shape": (), "most": 1.0})
     # seconds for which the left, the right and both feet have been in the air
@@ -41,7 +41,7 @@ class WalkableShare:
     height: Array = field(default_factory=lambda: np.zeros((1, 2)), metadata={"shape": (2,)})
 
     def styles(self, model: MotionModel, blends: Sequence[StyleBlend]) -> list[Style]:
-        """Return what the network is to walk in."""
+        """Return the style of each character for this frame, weakened towards neutral if its walk fails."""
         steps = [round(share * SHARE_STEPS) for share in self.share.tolist()]
         return [
             blend.style if share >= SHARE_STEPS else _weakened(model, blend, share)
@@ -56,9 +56,10 @@ class WalkableShare:
         steady: Sequence[bool],
         blending: Sequence[bool],
     ) -> None:
-        """Take a frame in: the hips' `heights` `(N,)` over the ground, and whether the left and the right foot stand.
+        """Update with one frame: hips `heights` `(N,)` over the ground, and whether the left and right foot stand.
 
-        Who `walks` has a foot on the ground; who is not `steady` may do as he likes; who is `blending` gets a new style.
+        `walks` marks characters that must have a foot on the ground, `steady` those whose walk is judged, `blending`
+        those in a transition to a new style.
         """
         even, downs = np.array(steady, bool), np.array([(*feet, any(feet)) for feet in stands])
         self.in_air = np.where(downs | ~even[:, None], 0.0, self.in_air + DT)

@@ -19,7 +19,7 @@ Request = str | PartDescriptions
 
 @dataclass(frozen=True)
 class Answer:
-    """One answered prompt: `said` by the expander, `words` as they hold now (with edits and kept words), and their code."""
+    """An answered prompt: the expander's descriptions `said`, the current `words` (edited or kept), and their code."""
 
     prompt: str  # "" when only the six fields were written
     said: PartDescriptions
@@ -40,7 +40,7 @@ class Answer:
         milliseconds: float = 0.0,
         final: bool = True,
     ) -> Answer:
-        """Return what an expander made of a prompt, or of six descriptions, and its code (6, 64)."""
+        """Return the answer for an expanded prompt, or six descriptions, with its code (6, 64)."""
         said = expansion.descriptions
         return Answer(
             request if isinstance(request, str) else "",
@@ -55,11 +55,11 @@ class Answer:
         )
 
     def with_words(self, words: Answer) -> Answer:
-        """Return the same prompt with other words, those of an answer to six descriptions."""
+        """Return this prompt's answer with the words and code of another answer."""
         return dataclasses.replace(self, words=words.words, z=words.z, final=True, question=words.question)
 
     def keeping(self, parts: Collection[str], before: Answer) -> Answer:
-        """Return the same answer but for `parts`, which go on as in `before`: a part's code comes from its own words alone."""
+        """Return this answer with `parts` kept from `before`; a part's code depends on its own words alone."""
         if not parts:
             return self
         words = {part: getattr(before.words, part) for part in parts}
@@ -70,11 +70,11 @@ class Answer:
 
     @property
     def edited(self) -> tuple[str, ...]:
-        """Parts whose words are not the expander's."""
+        """The parts whose words differ from the expander's."""
         return tuple(part for part in PART_NAMES if getattr(self.words, part) != getattr(self.said, part))
 
     @property
     def replayable(self) -> Words:
-        """What asks for the same words again: the prompt where the library answered it, else the six descriptions."""
+        """The request that gives the same words again: the prompt if the library answered it, else the six descriptions."""
         by_prompt = self.prompt and self.source != "gpt" and not self.edited
         return self.prompt if by_prompt else self.words

@@ -25,7 +25,7 @@ _FORM = f"Write left_arm=1,torso=0.5; the parts are {', '.join(PART_NAMES)}."
 
 
 def check_weights(weights: Mapping[str, Any]) -> Weights:
-    """Return weights in the order of `PART_NAMES`, 0 for parts not named; PromptError names a part that is wrong."""
+    """Return weights in the order of `PART_NAMES`, 0 for parts not named; PromptError names an invalid part."""
     for part, value in weights.items():
         if part not in PART_NAMES:
             raise PromptError(f"Blend weights: there is no body part '{str(part)[:40]}'.", _FORM)
@@ -41,9 +41,8 @@ def check_weights(weights: Mapping[str, Any]) -> Weights:
 def mix_of_parts(z_a: Float32Array, z_b: Float32Array, weights: Sequence[float]) -> StyleMix:
     """Return the mix in which part k is `weights[k]` (0 to 1) of the way from prompt A to prompt B.
 
-    Its codes have each part wholly of A or of B: those of B come in the order of their weights. Equal weights give the
-    straight line from A to B, weights of 0 and 1 exactly one code. PromptError when the codes differ in shape or a
-    weight is not in 0..1.
+    Each code of the mix takes every part from either A or B; parts switch to B in order of weight. Equal weights give linear
+    interpolation, weights of 0 and 1 a single code. Raises PromptError for different shapes or a weight outside 0..1.
     """
     a, b = np.asarray(z_a, np.float32), np.asarray(z_b, np.float32)
     if a.shape != b.shape or a.ndim != 2 or len(a) != len(PART_NAMES):
@@ -61,7 +60,7 @@ def mix_of_parts(z_a: Float32Array, z_b: Float32Array, weights: Sequence[float])
 
 
 def parse_weights(text: str) -> Weights:
-    """Return weights from "left_arm=1,torso=0.5", or one number for all parts; PromptError shows the form."""
+    """Parse weights such as "left_arm=1,torso=0.5", or one number for all parts; PromptError shows the form."""
     values: dict[str, Any] = {}
     entries = [entry.strip() for entry in text.split(",")]
     if len(entries) == 1 and "=" not in entries[0]:
@@ -77,9 +76,9 @@ def parse_weights(text: str) -> Weights:
 
 @dataclass(frozen=True)
 class BlendedPrompt:
-    """Prompt A and prompt B with the weight of B in each part: what a take keeps to be replayed exactly.
+    """Prompts A and B with the weight of B in each part, as a take stores them for exact replay.
 
-    Each is a prompt, or six descriptions where the words were edited or came from a language model.
+    Each is a prompt, or six descriptions if the words were edited or came from a language model.
     """
 
     a: Words
@@ -92,7 +91,7 @@ class BlendedPrompt:
         check_weights(dict(zip(PART_NAMES, self.weights, strict=True)))
 
     def to_json(self) -> str:
-        """Return the JSON object that `read_words` reads."""
+        """Return the JSON text that `read_words` reads."""
         value = {
             "a": _plain(self.a),
             "b": _plain(self.b),
@@ -102,12 +101,12 @@ class BlendedPrompt:
 
 
 def write_words(words: Words | BlendedPrompt) -> str:
-    """Return the text that a take keeps of a prompt event; `read_words` reads it."""
+    """Return the text that a take stores for a prompt event; `read_words` reads it."""
     return words if isinstance(words, str) else words.to_json()
 
 
 def read_words(text: str) -> Words | BlendedPrompt:
-    """Return what a prompt event of a take asks for: a prompt, six descriptions, or a blend of two. PromptError."""
+    """Parse the prompt event of a take: a prompt, six descriptions, or a blend of two. Raises PromptError."""
     try:
         value = parse_json(text)
     except ValueError:

@@ -32,7 +32,7 @@ Clause = tuple[str, str]  # a part and the words of a caption's clause, or of a 
 
 @dataclass(frozen=True)
 class CapturedPhrases:
-    """The measures of captured styles and of phrases, with the captions that they belong to."""
+    """Measures of captured styles and phrases, with the captions they belong to."""
 
     # style, gait, part
     styles: Mapping[str, Mapping[str, Mapping[str, Measured]]] = field(default_factory=dict)
@@ -43,41 +43,41 @@ class CapturedPhrases:
     clauses: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # and by their clauses
 
     def is_caption(self, part: str, sentence: str) -> bool:
-        """Return whether a description is a caption of a captured style."""
+        """Return whether a description is the caption of a captured style."""
         return _words(part, sentence) in self.captions
 
     def styles_of(self, descriptions: PartDescriptions) -> frozenset[str]:
-        """Return the captured styles that all parts have a caption of."""
+        """Return the captured styles with captions equal to the descriptions of all parts."""
         none: frozenset[str] = frozenset()
         return frozenset.intersection(
             *(self.captions.get(_words(part, getattr(descriptions, part)), none) for part in PARTS)
         )
 
     def caption(self, part: str, sentence: str, among: frozenset[str] = frozenset()) -> dict[str, Ranges]:
-        """Return by target the ranges of the styles that a description is a caption of, of those `among` them where any are."""
+        """Return, by target, the ranges captured in the styles that have this description as a caption, preferably those `among`."""
         styles = self.captions.get(_words(part, sentence), frozenset())
         styles = styles & among or styles
         return {name: self._over(styles, part, name) for name in self._names(styles, part)}
 
     def clause(self, part: str, clause: str, target: str) -> Ranges | None:
-        """Return the range of the only style whose captions have a clause; None where several have it."""
+        """Return the range of the only style whose captions contain a clause; None if several do."""
         styles = self.clauses.get((part, clause), frozenset())
         own = len(styles) == 1 and len(clause.split()) >= OWN_CLAUSE_WORDS
         found = self._over(styles, part, target) if own else ()
         return found if any(found) else None
 
     def phrase(self, kind: str, phrase: str, target: str) -> Ranges | None:
-        """Return the range of a phrase that captions use; None for others."""
+        """Return the range of a phrase used in captions, or None."""
         return self.phrases.get(kind, {}).get(target, {}).get(phrase)
 
     def moves(self, part: str, clause: str) -> bool:
-        """Return whether the hand of every style whose captions have the clause moves too far for a place."""
+        """Return whether the hand moves too far for a fixed place in every style whose captions contain the clause."""
         styles = self.clauses.get((part, clause), frozenset())
         hands = [self.styles[style]["walk"].get(part, {}).get("hand_range", (0.0, 0.0)) for style in styles]
         return bool(hands) and min(low for low, _ in hands) > MOVING_HAND_M
 
     def usual(self, gait: str) -> Measured:
-        """Return what trunks do in the captured clips of a gait."""
+        """Return the usual trunk measures in the captured clips of a gait."""
         return self.usual_of.get(gait, {})
 
     def _names(self, styles: frozenset[str], part: str) -> list[str]:
@@ -100,7 +100,7 @@ def _words(part: str, sentence: str) -> Clause:
 
 @cache
 def captured() -> CapturedPhrases:
-    """Return the shipped file; FileError where it is malformed."""
+    """Return the phrases of the shipped file; FileError if it is malformed."""
     path = asset_path(PHRASE_MEASURES)
     styles = load_styles(asset_path("prompts/styles.json"))
     try:
@@ -133,7 +133,7 @@ def _styles_by_words(
 
 
 def captions_by_style(styles: Mapping[str, LibraryStyle]) -> Iterator[tuple[str, str, str]]:
-    """Yield style, part and description in small letters, of every caption; of styles without a side their mirror images too."""
+    """Yield (style, part, lower-case description) of every caption, and of its mirror image for styles without a side."""
     for name, style in styles.items():
         sided = any(side in name for side in ("left", "right"))
         for descriptions in style.descriptions:

@@ -28,11 +28,10 @@ PARTS = len(PART_NAMES)
 
 
 class PromptEncoder:
-    """Text encoder and body-part network in one: descriptions in, Z^t out.
+    """Encodes six descriptions to Z^t: text encoder and body-part network.
 
-    `onnx_path` is a network with input `embeddings` (N, 6, D) and output `z` (N, 6, 64), loaded at the first
-    `encode`; its D must be that of `text_encoder`, with or without direction words and side. `phrasing` has the
-    sentences that the model reads in place of others.
+    `onnx_path` is a network with input `embeddings` (N, 6, D) and output `z` (N, 6, 64), loaded at the first `encode`; D must be
+    that of `text_encoder`, with or without direction words and side. `phrasing` replaces sentences that the model reads badly.
     """
 
     def __init__(
@@ -43,7 +42,7 @@ class PromptEncoder:
         self._phrasing = ModelPhrasing() if phrasing is None else phrasing
 
     def encode(self, descriptions: PartDescriptions) -> NDArray[np.float32]:
-        """Return Z^t `(6, 64)` of six descriptions; ModelError when the network is damaged or gives no finite numbers."""
+        """Return Z^t `(6, 64)` of six descriptions; ModelError if the network is damaged or its output is not finite."""
         texts = self._phrasing.followed(descriptions).as_tuple()
         session = self._session
         embeddings = sentence_inputs(self._text_encoder, texts, session.get_inputs()[0].shape[2])
@@ -109,7 +108,7 @@ MIN_PRESENT_VALUE = 0.1  # twice the usual size of an embedding's components
 
 
 def direction_words(texts: Sequence[str]) -> NDArray[np.float32]:
-    """Return `(N, len(GROUPS))` numbers: `PRESENT` where a text has a word of the group, else 0."""
+    """Return `(N, len(GROUPS))` numbers: `MIN_PRESENT_VALUE` if a text contains a word of the group, else 0."""
     found = np.zeros((len(texts), len(GROUPS)), np.float32)
     for row, text in zip(found, texts, strict=True):
         words = frozenset(re.findall(r"[a-z]+", text.lower()))
@@ -124,9 +123,9 @@ _BOTH = re.compile(
 
 
 def one_sided(part: str, text: str) -> tuple[str, float]:
-    """Return a part's sentence as it would be said of the left, and its sign.
+    """Return a part's sentence phrased for the left side, and its sign.
 
-    A limb's sign is 1. Of torso and head it is 1 to the left, -1 to the right (the first side named counts), and 0 where
+    A limb's sign is 1. For torso and head it is 1 to the left, -1 to the right (the first side named counts), and 0 if
     no side is named, or both alike ("from left to right").
     """
     if part.startswith("left_"):
@@ -140,13 +139,13 @@ def one_sided(part: str, text: str) -> tuple[str, float]:
 
 
 def input_sizes(dimensions: int) -> dict[int, tuple[bool, bool]]:
-    """Return the lengths that the input of a sentence may have, each with whether it holds direction words and a side."""
+    """Return the possible input lengths of a sentence, each with whether it includes direction words and a side."""
     pairs = [(words, side) for words in (False, True) for side in (False, True)]
     return {dimensions + words * len(GROUPS) + side: (words, side) for words, side in pairs}
 
 
 def sentence_inputs(encoder: TextEncoderLike, texts: Sequence[str], size: int) -> NDArray[np.float32]:
-    """Return `(6, size)`: the inputs of six descriptions in the order of `PART_NAMES`; ModelError when no input has that size."""
+    """Return the network inputs `(6, size)` of six descriptions in the order of `PART_NAMES`; ModelError for an unknown size."""
     sizes = input_sizes(encoder.dimensions)
     if size not in sizes:
         raise ModelError(
@@ -159,7 +158,7 @@ def sentence_inputs(encoder: TextEncoderLike, texts: Sequence[str], size: int) -
 def part_inputs(
     encoder: TextEncoderLike, parts: Sequence[str], texts: Sequence[str], words: bool, side: bool
 ) -> NDArray[np.float32]:
-    """Return `(N, D)`: the inputs of sentences, each of the part of the same place in `parts`."""
+    """Return the network inputs `(N, D)` of sentences, each for the body part at its index in `parts`."""
     signs: Sequence[float] = ()
     if side:
         sided = [one_sided(part, text) for part, text in zip(parts, texts, strict=True)]

@@ -59,7 +59,7 @@ Phrases = dict[str, tuple[int, Values]]
 
 @cache
 def phrases() -> dict[str, dict[str, Phrases]]:
-    """Return the phrases of every target by the kind of part; FileError where the file is none."""
+    """Return the phrases of every target, by kind of part; FileError if the file is invalid."""
     return _read()[0]
 
 
@@ -81,7 +81,7 @@ def _read() -> tuple[dict[str, dict[str, Phrases]], frozenset[str], frozenset[st
 
 
 def read_phrases(tree: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[str, Phrases]]:
-    """Return the phrases of a file's tables by part and target; ValueError names the kind that is none."""
+    """Read the phrases of a file's tables by part and target; ValueError names an unknown kind."""
     found: dict[str, dict[str, Phrases]] = {
         part: {name: {} for name in names} for part, names in TARGETS.items()
     }
@@ -123,14 +123,14 @@ def _columns(target: str, names: Sequence[str], value: Any) -> tuple[int, Values
 
 
 def targets_of(part: str, sentence: str) -> dict[str, Values]:
-    """Return the range or place of every target that a description of a part ("left_leg") speaks of, as written by hand."""
+    """Return the hand-written range or place of every target that a description of a part ("left_leg") mentions."""
     found = spoken(part, sentence)
     return {name: values for name, (_, _, (_, values)) in found.items() if values}
 
 
 @lru_cache(512)
 def spoken(part: str, sentence: str) -> dict[str, tuple[str, str, tuple[int, Values]]]:
-    """Return by target the first clause that speaks of it, the longest phrase of that, and what the phrase asks for by hand."""
+    """Return, by target, the first clause that mentions it, its longest phrase, and the hand-written values of that phrase."""
     clauses, found = sentence.lower().split(","), {}
     for name, table in phrases()[kind_of(part)].items():
         for clause in clauses:
@@ -189,7 +189,7 @@ def _by_hand(name: str, values: Values, usual: Mapping[str, Range]) -> Range:
 
 
 def edit_targets(descriptions: PartDescriptions) -> Array:
-    """Return what the parts are asked to show, `request.SHAPE`: weights and the weighted ends of ranges."""
+    """Return the edit targets of six descriptions, shape `request.SHAPE`: weights and weighted bounds."""
     result, styles = np.zeros(SHAPE), captured().styles_of(descriptions)
     for row, part in enumerate(PARTS):
         for column, ranges in _asked(part, getattr(descriptions, part), styles):
@@ -215,16 +215,16 @@ def _ask_of_every_trunk(result: Array) -> None:
 
 
 def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[float]) -> Array:
-    """Return the targets of two prompts mixed, each part by its own weight of B."""
+    """Return the edit targets of prompts A and B mixed, with the weight of B in each part."""
     of_b = np.array([weights[PART_NAMES.index(part)] for part in PARTS])[:, None, None]
     return np.asarray((1.0 - of_b) * edit_targets(a) + of_b * edit_targets(b))
 
 
 def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
-    """Return the descriptions that the network reads under the edits: without the clauses that these show alone.
+    """Return the descriptions for the network, without the clauses that the edits show alone.
 
-    Legs that cross by the network as well let it fall out of step with most other words, and hips that it sways as well turn
-    and shift twice as far as in any capture.
+    If the network shows crossing legs as well, it falls out of step with most other words; hips that it sways as well go
+    twice as far as in any capture; arms that it holds at a place take the whole body out of balance.
     """
     for part in ("left_leg", "right_leg", "torso"):
         said = getattr(descriptions, part)
@@ -254,7 +254,7 @@ def _unedited(said: str, side: str) -> str:
 
 
 def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
-    """Return the parts, by name, of whose description an edit shows what the network does not."""
+    """Return the names of parts whose description is shown by an edit rather than by the network."""
     if descriptions is None:
         return frozenset()
     asked = edit_targets(descriptions)[GAITS.index("walk"), ..., 0]

@@ -17,7 +17,7 @@ DEFAULT_PROMPT = "walking in a relaxed, everyday way"  # what the character does
 
 
 class PromptCancelledError(PromptError):
-    """The question was withdrawn before it was answered."""
+    """Raised if a request was cancelled before it was answered."""
 
     def __init__(self) -> None:
         super().__init__("The prompt was withdrawn before the language model answered.")
@@ -25,11 +25,11 @@ class PromptCancelledError(PromptError):
 
 @dataclass(frozen=True)
 class Expansion:
-    """Six descriptions and where they come from.
+    """Six descriptions and their origin.
 
-    `source` is "library", "gpt", or "explicit" when the prompt itself (or the user) said what the parts do;
-    `nearest` lists library prompts with their cosine similarity, best first; `note` is a sentence for the user, or "";
-    `explicit_parts` are the parts that the prompt described in so many words.
+    `source` is "library", "gpt", or "explicit" if the prompt or the user described the parts; `nearest` lists library
+    prompts with their cosine similarity, best first; `note` is a sentence for the user, or ""; `explicit_parts` are the
+    parts that the prompt itself describes.
     """
 
     descriptions: PartDescriptions
@@ -43,10 +43,10 @@ class Expander(Protocol):
     """Anything that turns a prompt into six body-part descriptions."""
 
     def expand(self, prompt: str) -> Expansion:
-        """Return descriptions for `prompt`; PromptError when the prompt cannot be used."""
+        """Return descriptions for `prompt`; PromptError if the prompt cannot be used."""
         ...
 
 
 def check_prompt(prompt: object) -> str:
-    """Return the prompt with its white space collapsed; PromptError when empty, over-long or with control characters."""
+    """Return the prompt with its white space collapsed; PromptError if it is empty, too long or has control characters."""
     return check_text(prompt, "prompt", MAX_PROMPT_CHARACTERS)

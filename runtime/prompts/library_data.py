@@ -33,11 +33,11 @@ RIDGE_WEIGHT = 10.0
 
 @dataclass(frozen=True)
 class LibraryEntry:
-    """One prompt, other ways to ask for it, and its six descriptions.
+    """A library prompt, other ways to ask for it, and its six descriptions.
 
-    `defines` are the parts that make the entry what it is, and which it gives to another character when a prompt
-    names both: torso and head of a mood, legs of a ground. `style` is the training style's key or "". `opposite` is the prompt of
-    the entry that shows it denied ("not so fast"), or "".
+    `defines` are the characteristic parts, which the entry contributes when a prompt names several entries: torso and
+    head of a mood, legs of a ground. `style` is the training style's key or "". `opposite` is the prompt of the entry
+    used when this one is denied ("not so fast"), or "".
     """
 
     prompt: str
@@ -51,8 +51,9 @@ class LibraryEntry:
 
 @dataclass(frozen=True)
 class PromptLibrary:
-    """All entries; `alone` are words that name an entry only as the whole prompt ("star", but not in "a star player");
-    `nothing` are examples of prompts about nothing bodily.
+    """All library entries; `alone` are words that name an entry only as the whole prompt ("star", but not in "a star player").
+
+    `nothing` are examples of prompts that do not describe a body.
     """
 
     entries: tuple[LibraryEntry, ...]
@@ -62,7 +63,7 @@ class PromptLibrary:
 
 @dataclass(frozen=True)
 class LibraryStyle:
-    """A training style: a prompt for the list of ready prompts, and paraphrased descriptions of its motion."""
+    """A training style: a prompt for the list of examples, and paraphrased descriptions of its motion."""
 
     prompt: str
     descriptions: tuple[PartDescriptions, ...]
@@ -70,11 +71,11 @@ class LibraryStyle:
 
 @dataclass(frozen=True)
 class LibraryEmbeddings:
-    """Unit vectors of the library's words, N entries with P prompts in all.
+    """Unit embedding vectors of the library, for N entries with P prompts in all.
 
     `prompts` (P, D) with the entry of each in `entry_of` (P,), `parts` (N, 6, D). `bodily` (D + 1,) are weights and
-    offset of a linear score that is above 0 for prompts about a body and below for those about nothing bodily.
-    `other_words` are English words one letter off the library's, which are no typing errors.
+    offset of a linear score, positive for prompts about a body. `other_words` are English words one letter off the
+    library's, which are no typing errors.
     """
 
     prompts: NDArray[np.float32]
@@ -85,7 +86,7 @@ class LibraryEmbeddings:
 
 
 def load_styles(path: Path) -> dict[str, LibraryStyle]:
-    """Return the training styles of styles.json; FileError naming the style when one is malformed."""
+    """Read the training styles of styles.json; FileError names a malformed one."""
     styles = {}
     for key, value in read_object(path).items():
         with checked(path, f"style {key!r}"):
@@ -99,7 +100,7 @@ def load_styles(path: Path) -> dict[str, LibraryStyle]:
 
 
 def load_library(path: Path, styles: Mapping[str, LibraryStyle]) -> PromptLibrary:
-    """Return library.json with references to `styles` resolved; FileError naming a malformed entry."""
+    """Read library.json, resolving its references to `styles`; FileError names a malformed entry."""
     file = read_object(path)
     with checked(path, "'categories', 'alone' or 'nothing'"):
         defines = {name: _parts(value["defines"]) for name, value in file.get("categories", {}).items()}
@@ -150,13 +151,13 @@ def _parts(names: list[str]) -> tuple[str, ...]:
 
 
 def library_hash(library: PromptLibrary) -> str:
-    """Return SHA-256 over all that is embedded: stored embeddings belong to exactly these words."""
+    """Return a SHA-256 over all embedded text, which stored embeddings must match."""
     words = [[e.prompt, e.also, e.descriptions.as_tuple()] for e in library.entries]
     return hashlib.sha256(json.dumps([words, library.nothing]).encode("utf-8")).hexdigest()
 
 
 def embed_library(library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEmbeddings:
-    """Compute the embeddings of all prompts and descriptions: some seconds for some hundred entries."""
+    """Compute the embeddings of all prompts and descriptions, which takes some seconds for some hundred entries."""
     named = [(text, i) for i, entry in enumerate(library.entries) for text in (entry.prompt, *entry.also)]
     prompts = encoder.encode([text for text, _ in named])
     return LibraryEmbeddings(
@@ -168,7 +169,7 @@ def embed_library(library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEm
 
 
 def sentences(library: PromptLibrary) -> list[str]:
-    """Return what the library says of the parts, six for an entry, of the right limbs as of the left ones."""
+    """Return the library's sentences, six per entry, right limbs phrased as left ones."""
     return [
         one_sided(part, text)[0] if part.endswith(("arm", "leg")) else text
         for entry in library.entries
@@ -193,7 +194,7 @@ def _bodily_score(prompts: NDArray[np.float32], nothing: NDArray[np.float32]) ->
 
 
 def save_embeddings(path: Path, embeddings: LibraryEmbeddings, digest: str, encoder_name: str) -> None:
-    """Write library.npz; numbers of unit vectors as bytes, which change a cosine by less than 0.005."""
+    """Write library.npz; vectors are stored as bytes, which changes a cosine by less than 0.005."""
     np.savez_compressed(
         path,
         prompts=vectors_as_bytes(embeddings.prompts),
@@ -206,7 +207,7 @@ def save_embeddings(path: Path, embeddings: LibraryEmbeddings, digest: str, enco
 
 
 def load_embeddings(path: Path, library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEmbeddings | None:
-    """Return stored embeddings, or None when there are none for these words and this encoder; FileError when damaged."""
+    """Read stored embeddings; None if there are none for this library and encoder; FileError if they are damaged."""
     if not path.exists():
         return None
     remedy = "Run `python -m training.text.build_library`, or install the program again."
@@ -227,19 +228,19 @@ def load_embeddings(path: Path, library: PromptLibrary, encoder: TextEncoderLike
 
 
 def vectors_as_bytes(vectors: NDArray[np.float32]) -> NDArray[np.int8]:
-    """Return unit vectors `(..., D)` as bytes, each by its largest number."""
+    """Return unit vectors `(..., D)` quantised to int8, each scaled by its largest component."""
     largest = np.abs(vectors).max(axis=-1, keepdims=True, initial=1e-9)
     return np.round(vectors / largest * 127).astype(np.int8)
 
 
 def unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
-    """Return the inverse of `_bytes`: the scale is that of unit length."""
+    """Return the unit vectors `(..., D)` that were quantised by `vectors_as_bytes`."""
     vectors = stored.astype(np.float32)
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1.0), np.float32)
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """Return the JSON object of a file; FileError."""
+    """Read a file that holds a JSON object. Raises FileError."""
     with checked(path, "the JSON"):
         value = parse_json(read_bounded(path, MAX_BYTES))
         if not isinstance(value, dict):
@@ -249,7 +250,7 @@ def read_object(path: Path) -> dict[str, Any]:
 
 @contextmanager
 def checked(path: Path, what: str) -> Iterator[None]:
-    """FileError where a part of a file is malformed."""
+    """Raise FileError if the block finds part of a file malformed."""
     try:
         yield
     except (PromptError, KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:

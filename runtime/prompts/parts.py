@@ -28,7 +28,7 @@ _SWAPPED_WORDS = {
 
 @dataclass(frozen=True)
 class PartDescriptions:
-    """One sentence for each body part, in the order of `PART_NAMES`; PromptError when one cannot be used."""
+    """One sentence for each body part, in the order of `PART_NAMES`; PromptError if one is invalid."""
 
     left_arm: str
     right_arm: str
@@ -56,7 +56,7 @@ class PartDescriptions:
 
     @classmethod
     def from_json(cls, text: str) -> PartDescriptions:
-        """Return descriptions from a JSON object; PromptError when it is not one."""
+        """Return descriptions from the text of a JSON object; PromptError if it is invalid."""
         try:
             values = parse_json(text)
         except ValueError as error:
@@ -71,7 +71,7 @@ class PartDescriptions:
         return {part: getattr(self, part) for part in PART_NAMES}
 
     def to_json(self) -> str:
-        """Return the JSON object that `from_json` reads."""
+        """Return the JSON text that `from_json` reads."""
         return json.dumps(self.to_mapping(), ensure_ascii=False)
 
     def as_tuple(self) -> tuple[str, ...]:
@@ -79,20 +79,20 @@ class PartDescriptions:
         return tuple(getattr(self, part) for part in PART_NAMES)
 
     def mirrored(self) -> PartDescriptions:
-        """Return descriptions of the mirrored motion: sides of the limbs and the words left and right exchanged."""
+        """Return the descriptions of the mirrored motion: limbs swapped, and the words left and right swapped."""
         return PartDescriptions(
             **{_SWAPPED_PARTS.get(part, part): mirror_text(text) for part, text in self.to_mapping().items()}
         )
 
     def replace(self, part: str, text: str) -> PartDescriptions:
-        """Return a copy with one description exchanged; PromptError for an unknown part or unusable text."""
+        """Return a copy with one description replaced; PromptError for an unknown part or invalid text."""
         if part not in PART_NAMES:
             raise PromptError(f"Unknown body part {part!r}.", f"Use one of {', '.join(PART_NAMES)}.")
         return dataclasses.replace(self, **{part: text})
 
 
 def mirror_text(text: str) -> str:
-    """Return `text` with the words left and right exchanged, their capitals kept."""
+    """Return `text` with the words left and right swapped, keeping capitals."""
 
     def swap(match: re.Match[str]) -> str:
         word = match.group(0)
@@ -105,7 +105,7 @@ def mirror_text(text: str) -> str:
 
 
 def check_text(text: object, field: str, limit: int) -> str:
-    """Return `text` with its white space collapsed; PromptError when it is empty, over-long or has control characters."""
+    """Return `text` with its white space collapsed; PromptError if it is empty, too long or has control characters."""
     if not isinstance(text, str):
         raise PromptError(f"The {field} is {type(text).__name__}, expected text.", "Give a string.")
     if len(text) > limit:

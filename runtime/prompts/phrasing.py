@@ -27,15 +27,15 @@ Table = TypeVar("Table")
 
 @dataclass(frozen=True)
 class PromptAdherence:
-    """How much of a sentence one model shows on walks (0 to 1), for whole sentences and for single clauses."""
+    """How much of a sentence (0 to 1) a model shows in walks, for whole sentences and for single clauses."""
 
     sentences: Mapping[Key, float] = field(default_factory=dict)
     clauses: Mapping[Key, float] = field(default_factory=dict)
 
     def of(self, sentence: str, part: str) -> float | None:
-        """Return fraction of what `sentence` says of `part` that a walk shows; None where it was not measured.
+        """Return which fraction of `sentence` a walk shows for `part`; None if it was not measured.
 
-        A sentence that is not in the table has the mean of its clauses, if any is.
+        For a sentence that is not in the table it is the mean of its measured clauses.
         """
         group, words = as_left_limb(sentence, part)
         whole = self.sentences.get((part, words), self.sentences.get((group, words)))
@@ -47,7 +47,7 @@ class PromptAdherence:
         return sum(known) / len(known) if known else None
 
     def weakly_shown(self, descriptions: PartDescriptions) -> dict[str, float]:
-        """Return parts whose sentences are shown by less than `HARDLY_SHOWN_FRACTION`, with their fractions."""
+        """Return the parts whose sentences are shown by less than `HARDLY_SHOWN_FRACTION`, with their fractions."""
         found = {part: self.of(text, part) for part, text in descriptions.to_mapping().items()}
         return {
             part: value
@@ -58,9 +58,9 @@ class PromptAdherence:
     def note(
         self, descriptions: PartDescriptions, read: PartDescriptions, edited: frozenset[str] = frozenset()
     ) -> str:
-        """Return a sentence for the user about what is hardly shown of `descriptions`, or "".
+        """Return a sentence for the user about descriptions that are hardly shown, or "".
 
-        `read` is what the model reads in their place; parts that are `edited` show what they say.
+        `read` are the sentences that the model reads instead; parts in `edited` are shown by body edits.
         """
         weak = [
             f"{part.replace('_', ' ')} “{getattr(descriptions, part)}” ({value:.0%})"
@@ -72,12 +72,12 @@ class PromptAdherence:
 
 @dataclass(frozen=True)
 class ModelPhrasing:
-    """Sentences that one model hardly shows, and those of the same meaning in their place."""
+    """Sentences that a model shows badly, each with a better one of the same meaning."""
 
     table: Mapping[Key, str] = field(default_factory=dict)
 
     def of(self, sentence: str, part: str) -> str:
-        """Return the sentence that the model reads for `part`."""
+        """Return the sentence that the model reads for `part` instead of this one."""
         group, words = as_left_limb(sentence, part)
         other = self.table.get((part, words), self.table.get((group, words)))
         if other is None:
@@ -92,7 +92,7 @@ class ModelPhrasing:
 
 
 def as_left_limb(sentence: str, part: str) -> Key:
-    """Return the group of a part, and its sentence as it describes the left limb; ValueError for an unknown part."""
+    """Return the part's group and its sentence phrased for the left limb; ValueError for an unknown part."""
     if part not in PART_NAMES:
         raise ValueError(f"unknown body part {part!r}")
     side, _, limb = part.partition("_")
@@ -102,23 +102,23 @@ def as_left_limb(sentence: str, part: str) -> Key:
 
 @lru_cache(maxsize=8)
 def adherence_of(model: str = DEFAULT_MODEL) -> PromptAdherence:
-    """Return the shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
+    """Return the shipped adherence table of a model; empty if there is none. FileError if the file is malformed."""
     return load_adherence(asset_path(ADHERENCE)).get(model, PromptAdherence())
 
 
 @lru_cache(maxsize=8)
 def phrasing_of(model: str) -> ModelPhrasing:
-    """Return the shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
+    """Return the shipped phrasing table of a model; empty if there is none. FileError if the file is malformed."""
     return load_phrasings(asset_path(PHRASINGS)).get(model, ModelPhrasing())
 
 
 def load_adherence(path: Path) -> dict[str, PromptAdherence]:
-    """Return tables by model; none where there is no file. FileError when it is malformed."""
+    """Read adherence tables by model; empty if the file is missing. FileError if it is malformed."""
     return _load(path, lambda of: PromptAdherence(_fractions(of["sentences"]), _fractions(of["clauses"])))
 
 
 def load_phrasings(path: Path) -> dict[str, ModelPhrasing]:
-    """Return tables by model; none where there is no file. FileError when it is malformed."""
+    """Read phrasing tables by model; empty if the file is missing. FileError if it is malformed."""
     return _load(
         path, lambda groups: ModelPhrasing(_rows(groups, lambda text: isinstance(text, str) and text))
     )

@@ -31,12 +31,11 @@ EXPANDERS = ("library", "gpt")
 
 
 class Prompter:
-    """Turns prompts, descriptions and blends of them into codes for `model`; files are read at the first of them.
+    """Turns prompts, descriptions and blends into style codes for `model`; files are read at first use.
 
-    `expander` is one of EXPANDERS, `text_encoder` the folder of the one that the model was trained with, where it is
-    neither shipped nor in the model folder. `report` gets what expansions remark, such as how near the library came and
-    what the model hardly shows, `expanded` each prompt with its six descriptions. `phrasing` (default: that of the model) has the
-    sentences that the model reads in their place. UsageError or ModelError names what cannot be used.
+    `expander` is one of EXPANDERS. `text_encoder` is the folder of the encoder that the model was trained with, if it is
+    neither shipped nor in the model folder. `report` receives remarks such as what the model hardly shows, `expanded` each
+    prompt with its six descriptions. `phrasing` replaces sentences (default: the model's). Raises UsageError, ModelError.
     """
 
     def __init__(
@@ -60,18 +59,18 @@ class Prompter:
     def listening(
         self, report: Callable[[str], None], expanded: Callable[[str, PartDescriptions], object]
     ) -> Prompter:
-        """Return the same prompter, with what it has read, for another listener."""
+        """Return a copy with other callbacks, which shares the loaded data."""
         other = copy.copy(self)
         other._report, other._expanded = report, expanded
         return other
 
     @cached_property
     def library(self) -> LibraryExpander:
-        """The shipped prompt library."""
+        """The library expander, with the shipped prompt library."""
         return LibraryExpander(library_encoder(self.text_encoder))
 
     def expand(self, prompt: str) -> Expansion:
-        """Return six descriptions of a prompt; PromptError when it cannot be used."""
+        """Return six descriptions of a prompt; PromptError if it cannot be used."""
         expansion = self._expander.expand(prompt)
         self._expanded(prompt, expansion.descriptions)
         note = f"{expansion.note} {self._note(expansion.descriptions)}".strip()
@@ -92,7 +91,7 @@ class Prompter:
         return self._read(words)[1]
 
     def style(self, words: Words | BlendedPrompt, exact_legs: bool = True) -> StyleMix:
-        """Return what a character moves by; `exact_legs`: edits show of legs and trunk what the network does not."""
+        """Return the style of words or a blend; `exact_legs` adds body edits for what the network does not show."""
         if isinstance(words, BlendedPrompt):
             (a, z_a), (b, z_b) = self._read(words.a, exact_legs), self._read(words.b, exact_legs)
             mix, edits = self._blend(z_a, z_b, words.weights), blended_targets(a, b, words.weights)

@@ -20,10 +20,10 @@ _log = logging.getLogger(__name__)
 
 @runtime_checkable
 class SteppedExpander(Expander, Protocol):
-    """An expander that has something to say before its answer is final."""
+    """An expander that yields preliminary answers before the final one."""
 
     def steps(self, prompt: str, stop: threading.Event) -> Iterator[tuple[Expansion, bool]]:
-        """Yield (expansion, whether it is the final one), best last; PromptCancelledError soon after `stop` is set."""
+        """Yield (expansion, is final), the best last; PromptCancelledError soon after `stop` is set."""
         ...
 
 
@@ -42,10 +42,10 @@ class _Work:
 
 
 class PromptWorker:
-    """One thread for the newest request; `submit` and `poll` never wait for text or network.
+    """A thread that answers the newest prompt request; `submit` and `poll` never block.
 
-    A prompt goes through `expander`, six descriptions go straight to `encoder`. A newer request, and the end, do not
-    wait for a stepped expander's answer to an older one, which is dropped. The worker keeps running after an error.
+    Prompts go through `expander`, six descriptions straight to `encoder`. A newer request or `close` does not wait for
+    a stepped expander; its answer is dropped. The thread survives errors.
     """
 
     def __init__(self, expander: Expander, encoder: PromptEncoder) -> None:
@@ -58,18 +58,18 @@ class PromptWorker:
         self._thread.start()
 
     def submit(self, prompt: Request) -> None:
-        """Ask for a prompt or for six descriptions in place of any older request; no effect once closed."""
+        """Request a prompt or six descriptions, replacing any older request; no effect once closed."""
         with self._condition:
             self._replace(None if self._closed else _Work(prompt))
 
     def answer(self, prompt: Request) -> Answer:
-        """Return the final answer to a prompt, made on the caller's thread whatever was submitted; its error is raised here."""
+        """Return the final answer to a prompt, computed on the caller's thread, or raise its error."""
         with self._condition:
             expander = self._expander
         return _answer_or_raise(list(self._answers(_Work(prompt), expander))[-1])
 
     def withdraw(self) -> None:
-        """Forget the request, and an answer that was not polled yet."""
+        """Cancel the request and discard its answer."""
         with self._condition:
             self._replace(None)
 
@@ -84,18 +84,18 @@ class PromptWorker:
         return _answer_or_raise(answer)
 
     def use(self, expander: Expander) -> None:
-        """Expand by another expander from the next request on."""
+        """Use another expander from the next request on."""
         with self._condition:
             self._expander = expander
 
     @property
     def busy(self) -> bool:
-        """Whether the final answer to the request has yet to be found."""
+        """Whether the final answer to the request is pending."""
         with self._condition:
             return self._work is not None and not self._work.done
 
     def close(self, timeout_s: float = 2.0) -> bool:
-        """Stop the thread after the text in the encoder; waits at most `timeout_s` seconds. Whether it has stopped."""
+        """Stop the thread after the text that it is encoding, waiting at most `timeout_s`; return whether it has stopped."""
         with self._condition:
             self._closed = True
             self._replace(None)

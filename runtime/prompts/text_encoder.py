@@ -44,16 +44,16 @@ class _Metadata(NamedTuple):
 
 
 class TextEncoderLike(Protocol):
-    """What the prompt modules need of a text encoder."""
+    """Interface of a text encoder, as the prompt modules need it."""
 
     @property
     def name(self) -> str:
-        """Name of the network; stored embeddings of another name do not fit."""
+        """Name of the network; stored embeddings are only valid for this name."""
         ...
 
     @property
     def dimensions(self) -> int:
-        """Length D of the vectors."""
+        """Length D of the embedding vectors."""
         ...
 
     def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
@@ -62,12 +62,12 @@ class TextEncoderLike(Protocol):
 
 
 class TextEncoder:
-    """A text encoder from its folder; network and tokenizer are loaded at the first `encode`.
+    """A text encoder loaded from its folder; network and tokenizer are loaded at the first `encode`.
 
-    `directory` holds text_encoder.json (name, dimensions, max_tokens, graph: the network's file name), that network
-    with inputs `input_ids`, `attention_mask` (N, L) and output `embeddings` (N, D), and tokenizer.json; by default the
-    shipped all-MiniLM-L6-v2. sentences.npz, if it is there, has vectors of the sentences that the program itself says;
-    `stored=False` runs the network for these too. Any thread may call it; two texts are encoded at a time.
+    `directory` (default: all-MiniLM-L6-v2, shipped) holds text_encoder.json (name, dimensions, max_tokens, graph: the
+    network's file name), that network with inputs `input_ids`, `attention_mask` (N, L) and output `embeddings` (N, D),
+    tokenizer.json, and optionally sentences.npz with vectors of the program's own sentences, unless `stored=False`.
+    Thread-safe; two texts are encoded at a time.
     """
 
     def __init__(self, directory: Path | None = None, stored: bool = True) -> None:
@@ -77,7 +77,7 @@ class TextEncoder:
         self._lock = threading.Lock()
 
     def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """Return unit vectors `(N, D)` of N texts, each cut after `max_tokens` (128); ModelError when a file is damaged."""
+        """Return unit vectors `(N, D)` of N texts, each truncated to `max_tokens` (128); ModelError if a file is damaged."""
         if not texts:
             return np.zeros((0, self.dimensions), np.float32)
         # One text a run: the dynamic quantisation scales its activations over the whole batch, so in a batch a
@@ -108,7 +108,7 @@ class TextEncoder:
 
     @property
     def dimensions(self) -> int:
-        """Length D of the vectors, 384 for the shipped one."""
+        """Length D of the vectors, 384 for the shipped encoder."""
         return self._metadata.dimensions
 
     def _run(self, text: str) -> NDArray[np.float32]:
@@ -207,10 +207,10 @@ class TextEncoder:
 def text_encoder_of(
     metadata: Mapping[str, Any], model_folder: Path, directory: Path | None = None
 ) -> TextEncoder:
-    """Return the text encoder that a model was trained with, by the model's `metadata`.
+    """Return the text encoder that a model was trained with, according to its `metadata`.
 
-    It is read from `directory`, else from `text_encoder/` in the model folder, else it is the shipped one. ModelError
-    when that is another than the model's: vectors of another network mean nothing to it.
+    It is read from `directory`, or `text_encoder/` in the model folder, or is the shipped one. Raises ModelError if the
+    encoder found is not the model's.
     """
     wanted = metadata.get("text_encoder", SHIPPED)
     if not (isinstance(wanted, dict) and wanted.keys() >= SHIPPED.keys()):
@@ -230,15 +230,15 @@ def text_encoder_of(
 
 
 def library_encoder(text_encoder: TextEncoder) -> TextEncoder:
-    """Return the shipped text encoder: `text_encoder` itself where it is that one.
+    """Return the shipped text encoder, reusing `text_encoder` if it is that one.
 
-    The prompt library's similarities are those of the shipped network, whatever a model was trained with.
+    Similarities of the prompt library hold for the shipped network, whatever a model was trained with.
     """
     return text_encoder if text_encoder.name == SHIPPED["name"] else TextEncoder()
 
 
 def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
-    """Return a CPU session of one thread that does not spin while idle; ModelError when the file is no network."""
+    """Open a CPU session of one thread that does not spin while idle; ModelError if the file is not a network."""
     import onnxruntime
 
     options = onnxruntime.SessionOptions()

@@ -28,13 +28,13 @@ _REFERENCE = re.compile(r"(<f4|<f8|\|i1|\|u1) ((?:[0-9]{1,10}(?:x[0-9]{1,10})*)?
 
 
 class Once:
-    """What was made of things that do not change, for as long as these things live."""
+    """A cache of values derived from immutable objects, for as long as these objects live."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, int], tuple[weakref.ref[Any], Any]] = {}
 
     def get(self, what: str, thing: Any, make: Callable[[], Made]) -> Made:
-        """Return what `make` gives for a thing, made once."""
+        """Return the cached result of `make` for an object."""
         key = what, id(thing)
         known = self._known.get(key)
         if known is None or known[0]() is not thing:
@@ -45,12 +45,12 @@ class Once:
 
 @dataclass
 class BlobWriter:
-    """Hands contents to `put(hash, bytes)`."""
+    """Stores each content once by calling `put(hash, bytes)`."""
 
     put: Callable[[str, bytes], None]
 
     def array(self, values: Any, kind: str = "<f4") -> str:
-        """Return the reference of an array of a kind that `_REFERENCE` names."""
+        """Store an array of a dtype known to `_REFERENCE` and return its reference."""
         plain = np.ascontiguousarray(values, np.dtype(kind))
         content = plain.tobytes()
         key = hashlib.blake2b(content, digest_size=16).hexdigest()
@@ -66,7 +66,7 @@ class BlobWriter:
 
 @dataclass
 class BlobReader:
-    """Gives back what a `BlobWriter` took; a content that is named twice is one array, not to be written to."""
+    """Reads what a `BlobWriter` stored; equal references give the same read-only array."""
 
     path: Path
     fetch: Callable[[str], bytes]
@@ -74,13 +74,13 @@ class BlobReader:
     _made: dict[Any, Any] = field(default_factory=dict)
 
     def once(self, what: str, key: Any, make: Callable[[], Made]) -> Made:
-        """Return what `make` gives for a key, made once however often the file names it."""
+        """Return the result of `make` for a key, which is called only once per key."""
         if (what, key) not in self._made:
             self._made[what, key] = make()
         return self._made[what, key]
 
     def array(self, reference: Any, kind: str, shape: Sequence[int | None]) -> NDArray[Any]:
-        """Return an array; FileError unless it has this kind and shape (None: any length)."""
+        """Return the array of a reference; FileError unless it has this dtype and shape (None: any length)."""
         named, sides, key = self._parts(reference)
         fits = named == kind and len(sides) == len(shape)
         if not fits or any(b not in (None, a) for a, b in zip(sides, shape, strict=True)):
@@ -100,11 +100,11 @@ class BlobReader:
         return self.array(reference, "|u1", (None,)).tobytes()
 
     def text(self, reference: Any) -> str:
-        """Return text; ValueError where it is none."""
+        """Return the text of a reference; ValueError if it is not text."""
         return self.data(reference).decode("utf-8", "surrogatepass")
 
     def size(self, reference: Any) -> int:
-        """Return bytes that a reference says its content has."""
+        """Return the size in bytes that a reference states."""
         kind, sides, _ = self._parts(reference)
         return math.prod(sides) * np.dtype(kind).itemsize
 

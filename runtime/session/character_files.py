@@ -30,7 +30,7 @@ _UNSAFE = re.compile(r"""[\x00-\x1f\x7f\\/:*?"<>|\ud800-\udfff]+""")
 
 
 def read_character_files(path: Path) -> Files:
-    """Return the files of a character: the glTF, buffers and images of its folder, settings of the same name; FileError."""
+    """Read the files of a character: the glTF, its buffers and images, and settings of the same name. Raises FileError."""
     stem, suffix = os.path.splitext(path.name)
     stem = _UNSAFE.sub("-", stem).encode()[:80].decode(errors="ignore").strip(" .-")
     main, left = (stem or "character") + suffix, MAX_ALL_BYTES
@@ -110,7 +110,7 @@ def _with_uris(content: bytes, names: dict[str, str]) -> bytes:
 
 
 def write_character_files(files: Files, folder: Path) -> Path:
-    """Put the files into a folder of their own below `folder`; the path of the glTF. Nothing is written outside."""
+    """Write the files into a folder of their own below `folder` and return the path of the glTF."""
     digest = hashlib.sha256()
     for name, content in files.items():
         digest.update(name.encode() + b"\0" + hashlib.sha256(content).digest())
@@ -123,7 +123,7 @@ def write_character_files(files: Files, folder: Path) -> Path:
 
 
 def check_character_files(files: Files) -> None:
-    """FileError unless the names are those of files in one folder, the first one of a glTF; or there is none at all."""
+    """Raise FileError unless all names are safe and the first one is a glTF; no files at all is valid."""
     names = list(files)
     if names and (len(names) > MAX_FILES or Path(names[0]).suffix.lower() not in SUFFIXES):
         raise FileError("its character: no glTF file.", REMEDY)
@@ -133,7 +133,7 @@ def check_character_files(files: Files) -> None:
 
 
 def safe_name(name: Any) -> bool:
-    """Return whether a relative name stays in its folder and can be written on every system."""
+    """Return whether a relative file name stays in its folder and is valid on every system."""
     if not is_text(name) or not 0 < len(name.encode()) <= MAX_NAME_BYTES:
         return False
     parts = PurePosixPath(name).parts  # "." and ".." end in a dot

@@ -54,7 +54,7 @@ Work = Callable[[Writer], None]
 
 @dataclass
 class Database(StoredRows):
-    """One session's rows in one SQLite file, written by one thread of its own. Made by `create`, `open` and `read`."""
+    """A session's rows in a SQLite file, written by a thread of its own; made by `create`, `open` and `read`."""
 
     repaired: str = ""  # what was damaged when it was opened, in a user's words
     _handle: int = -1  # of the lock; -1 for reading only
@@ -83,7 +83,7 @@ class Database(StoredRows):
 
     @staticmethod
     def create(path: Path) -> Database:
-        """Create a file and lock it; FileError, also where a file of this name is."""
+        """Create and lock a new file; FileError, also if the file exists."""
         path = real_path(path)
         handle = take_lock(path)
         try:
@@ -98,9 +98,9 @@ class Database(StoredRows):
 
     @staticmethod
     def open(path: Path) -> Database:
-        """Open a file that is there, check and lock it; FileError in one sentence, FileInUse.
+        """Open an existing file, check and lock it. Raises FileError, FileInUse.
 
-        A new file with its rows takes its place. Where the disk has no room for that it is in memory until there is.
+        Its rows are copied to a new file that replaces it. If the disk is too full for that, they stay in memory for now.
         """
         path = real_path(path)
         check_files(path)
@@ -121,9 +121,9 @@ class Database(StoredRows):
 
     @staticmethod
     def read(path: Path, thorough: bool = True) -> Database:
-        """Open a file for reading only, which another process may have open; FileError.
+        """Open a file for reading only, even while another process has it open. Raises FileError.
 
-        Not `thorough`: the pages are not looked through, for a listing.
+        Without `thorough`, as for a listing, the pages are not checked.
         """
         path = real_path(path)
         database = Database(path, Budget.for_file(check_files(path)))
@@ -138,16 +138,16 @@ class Database(StoredRows):
 
     @property
     def problem(self) -> str:
-        """Why what was done is not on disk, in a user's words; "" when it is or soon will be."""
+        """The reason why changes are not on disk, for the user; "" if they are or soon will be."""
         return self._lost or self._trouble
 
     # --- writing
 
     def submit(self, work: Work) -> None:
-        """Have `work` write soon; returns at once. Any thread.
+        """Queue `work` for the writing thread and return at once; thread-safe.
 
-        All that waits is one transaction, in order. A work may run more than once: for another try, or into a copy.
-        FileError where the file is for reading only.
+        All queued work is one transaction, in order. Work may run more than once: for a retry, or into a copy. Raises
+        FileError if the file is read-only.
         """
         if self._thread is None or self._ending:
             raise FileError(f"{self.path}: it is open for reading only.", "Save a copy of it.")
@@ -163,7 +163,7 @@ class Database(StoredRows):
             self._changed.notify_all()
 
     def flush(self, seconds: float | None = None) -> bool:
-        """Wait until all that was submitted is on disk; False when that failed or takes longer."""
+        """Wait until everything submitted is on disk; return False if that failed or timed out."""
         with self._changed:
             target, failures = self._submitted, self._failures
             self._urgent = True
@@ -174,9 +174,9 @@ class Database(StoredRows):
             return self._written >= target and not self.problem
 
     def save_as(self, path: Path) -> None:
-        """Be another file from now on, with all that was submitted; FileError, FileInUse: then all stays as it is.
+        """Switch to another file, with everything submitted. Raises FileError, FileInUse; then nothing changes.
 
-        The file before stays with what it had on disk. This works also where its disk takes nothing any more.
+        The old file stays as it was last written. This works even if the old file's disk fails.
         """
         path = real_path(path)
         with self._turn:
@@ -195,7 +195,7 @@ class Database(StoredRows):
             self._settle(count, committed)
 
     def save_copy(self, path: Path) -> None:
-        """Write all that was submitted into another file, and stay; FileError, FileInUse."""
+        """Write everything submitted into another file, and keep using this one. Raises FileError, FileInUse."""
         path = real_path(path)
         with self._turn:
             handle, _, _ = self._copy(path)
@@ -224,9 +224,9 @@ class Database(StoredRows):
         return handle, len(works), writer.committed
 
     def close(self, seconds: float | None = None) -> bool:
-        """Flush and let go of the file, within so many seconds; whether all is in it.
+        """Flush and release the file within `seconds`; return whether everything is in it.
 
-        What it has not taken by then is put where the next `open` finds it. A disk that hangs is left alone.
+        Unwritten changes are stored where the next `open` finds them. A hanging disk is not waited for.
         """
         if self._thread is None:
             self._let_go()
@@ -245,7 +245,7 @@ class Database(StoredRows):
 
     @property
     def closing(self) -> bool:
-        """Whether its thread still waits for the disk."""
+        """Whether the writing thread still waits for the disk."""
         return self._thread is not None and self._thread.is_alive()
 
     def _hand_over(self, seconds: float) -> None:

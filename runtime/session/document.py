@@ -42,18 +42,18 @@ LONG_TEXTS = (PromptEvent, Answer)  # records whose texts are prompts
 
 @cache
 def record_fields(kind: Any) -> tuple[tuple[str, Any], ...]:
-    """Return fields of a record with their types."""
+    """Return the stored fields of a record with their types."""
     hints = typing.get_type_hints(kind)
     return tuple((f.name, hints[f.name]) for f in fields(kind) if (kind, f.name) not in _NOT_KEPT)
 
 
 def pack_sticks(rows: NDArray[np.float64]) -> bytes:
-    """Return sticks and settings of frames `(T, COLUMNS)`."""
+    """Return the bytes of stick positions and settings `(T, COLUMNS)`."""
     return packed_table(rows.astype("<f8", copy=False)) if len(rows) else b""
 
 
 def unpack_sticks(content: bytes, count: int) -> NDArray[np.float64]:
-    """Return what `pack_sticks` packed; ValueError for what no hand can push."""
+    """Unpack stick positions from `pack_sticks`; ValueError for values that no stick can have."""
     if len(content) != 8 * COLUMNS * count:
         raise ValueError("sticks of another length")
     if not count:
@@ -69,7 +69,7 @@ def unpack_sticks(content: bytes, count: int) -> NDArray[np.float64]:
 
 @dataclass
 class DocumentWriter:
-    """Packs sessions; what did not change since the last one is not packed again. Contents that a text refers to are put first."""
+    """Writes sessions as text; parts unchanged since the last session are reused, and referenced contents are stored first."""
 
     put: Callable[[str, bytes], None]
     _once: Once = field(default_factory=Once)
@@ -97,7 +97,7 @@ class DocumentWriter:
         return json.dumps(self._record(session), ensure_ascii=True)
 
     def inputs(self, inputs: InputRecording) -> Json:
-        """Return JSON of what made a take, but for its sticks: see `pack_sticks`."""
+        """Return the JSON of a take's input without its stick positions; see `pack_sticks`."""
         return {
             "changes": [[change.frame, self._change(change)] for change in inputs.changes],
             "keyframes": [[key.frame, self._snapshot(key.snapshot)] for key in inputs.keyframes],
@@ -158,6 +158,6 @@ def _text(text: str) -> str:
 
 
 def header_text(header: MotionHeader, recording: bool = False) -> str:
-    """Return a motion's header as JSON; `recording`: it is not finished."""
+    """Return the JSON text of a motion's header; `recording` marks an unfinished one."""
     value = DocumentWriter(lambda key, content: None)._record(header)
     return json.dumps(value | {"recording": recording}, ensure_ascii=True)

@@ -76,7 +76,7 @@ _LATER = {  # fields that older files lack
 
 @dataclass
 class DocumentReader:
-    """Unpacks what a `DocumentWriter` packed. `motion` finds one by its key; FileError for what is no session."""
+    """Reads what a `DocumentWriter` wrote; `motion` finds a motion by key. Raises FileError for an invalid session."""
 
     blobs: BlobReader
     motion: Callable[[str], Motion]
@@ -113,7 +113,7 @@ class DocumentReader:
         return self.checked(read)
 
     def checked(self, read: Callable[[], Any]) -> Any:
-        """Return what `read` gives; FileError where it fails by what it reads."""
+        """Return the result of `read`, converting errors caused by invalid data to FileError."""
         path = self.blobs.path
         try:
             return read()
@@ -125,7 +125,7 @@ class DocumentReader:
             raise FileError(f"{path}: damaged ({reason(error)}).", REMEDY) from error
 
     def inputs(self, value: Json, frames: InputFrames) -> InputRecording:
-        """Return what made a take, of JSON and its sticks; FileError or one of `STRUCTURE_ERRORS` for what is none."""
+        """Read a take's input from JSON and stick positions; FileError or one of `STRUCTURE_ERRORS` if it is invalid."""
         keyframes = tuple(self._keyframe(*key) for key in value["keyframes"])
         changes = tuple(self._change(*change) for change in value["changes"])
         starts = [key.frame for key in keyframes]
@@ -167,7 +167,7 @@ class DocumentReader:
         return [self._value(h, v, longest) for h, v in zip(hints, value, strict=True)]
 
     def is_whole(self, text: str) -> bool:
-        """Return whether every take of a session that was read is there."""
+        """Return whether no take of a session was left out when it was read."""
         return not any(reference in text for reference in self.left_out)
 
     def _sound_take(self, reference: Json) -> Take | None:
@@ -181,7 +181,7 @@ class DocumentReader:
             return None
 
     def take(self, reference: Json) -> Take:
-        """Return the take of a reference; FileError."""
+        """Return the take of a reference. Raises FileError."""
 
         def made() -> Take:
             self.blobs.budget.spend(TAKE_BYTES)
@@ -265,7 +265,7 @@ def _parts(hint: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def read_view(text: str) -> dict[str, Any]:
-    """Return how a session was looked at: entries that are texts, numbers or truth values; none for what is no view."""
+    """Read the saved view of a session: entries that are text, numbers or booleans; empty if it is invalid."""
     try:
         value = parse_json(text) if text else {}
     except ValueError:
@@ -280,7 +280,7 @@ def read_view(text: str) -> dict[str, Any]:
 
 
 def checked_record(record: Any) -> Any:
-    """Return a record that was read, with what may be mended mended; ValueError, UsageError for what no session holds."""
+    """Return a record with small defects repaired; ValueError or UsageError if it is invalid for a session."""
     for what, holds in _RULES.get(type(record), ()):
         if not holds(record):
             raise ValueError(what)

@@ -11,19 +11,19 @@ MAX_NAME_CHARACTERS = 60
 
 
 def with_number(session: Session) -> Session:
-    """Return the session with the number of its next take given to one that is still being made."""
+    """Return the session with its take counter increased, to reserve the number of a take that is still being made."""
     return replace(session, counter=session.counter + 1)
 
 
 def with_new_take(session: Session, take: Take, number: int = LIVE) -> Session:
-    """Return the session with one take more at the end, selected; `number` where it was given one already."""
+    """Return the session with a take appended and selected; `number` if one was reserved."""
     number = number or session.counter + 1
     takes = (*session.takes, replace(take, number=number))
     return replace(session, takes=takes, counter=max(number, session.counter), selected=number)
 
 
 def without_take(session: Session, number: int) -> Session:
-    """Return the session without a take; the next one is selected if that was, and a reference to it is gone."""
+    """Return the session without a take: the next take is selected if it was, and a reference to it is removed."""
     at = session.index(number)
     if at < 0:
         return session
@@ -37,7 +37,7 @@ def without_take(session: Session, number: int) -> Session:
 
 
 def renamed(session: Session, number: int, name: str) -> Session:
-    """Return the session with another name for a take; an empty one brings the motion's back."""
+    """Return the session with a take renamed; an empty name restores the motion's."""
     take = session.take(number)
     name = " ".join(name.split())[:MAX_NAME_CHARACTERS]
     if take is None or name == take.title:
@@ -46,12 +46,12 @@ def renamed(session: Session, number: int, name: str) -> Session:
 
 
 def copied(take: Take) -> Take:
-    """Return a take as it is, for a second place in the list."""
+    """Return a copy of a take, named as such, for the list."""
     return replace(take, name=f"{take.title}, copy"[:MAX_NAME_CHARACTERS])
 
 
 def mirrored_copy(session: Session, number: int) -> Session:
-    """Return the session with the mirror image of a take at the end; edits of its poses do not come along."""
+    """Return the session with a mirrored copy of a take appended; pose edits are not copied."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session
@@ -61,7 +61,7 @@ def mirrored_copy(session: Session, number: int) -> Session:
 
 
 def trimmed(session: Session, number: int, first: int, last: int) -> Session:
-    """Keep frames `first` to `last` of a take, at least `MIN_FRAMES`; all of them is no trim."""
+    """Return the session with a take trimmed to frames `first` to `last`, at least `MIN_FRAMES`; the full range removes the trim."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session
@@ -72,7 +72,7 @@ def trimmed(session: Session, number: int, first: int, last: int) -> Session:
 
 
 def split(session: Session, number: int, frame: int) -> Session:
-    """Return the session with a take split in two that share its frames: one trim ends at `frame`, the other begins there."""
+    """Return the session with a take split at `frame` into two takes that share its motion."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session
@@ -87,7 +87,7 @@ def split(session: Session, number: int, frame: int) -> Session:
 
 
 def resimulated(session: Session, number: int, motion: Motion) -> Session:
-    """Return the session with another motion for a take; a trim that kept its end keeps the end of the new one."""
+    """Return the session with a take's motion replaced; a trim up to its end stays at the new end."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session

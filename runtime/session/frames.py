@@ -31,7 +31,7 @@ def pieces(count: int) -> Iterator[slice]:
 
 
 def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits: AnyArray | None) -> bytes:
-    """Return the bytes of T frames; hips `(T, 3)`, rotations `(T, 31, 4)`, contacts `(T, 4)`, gaits `(T,)`."""
+    """Return the packed bytes of T frames: hips `(T, 3)`, rotations `(T, 31, 4)`, contacts `(T, 4)`, gaits `(T,)`."""
     places = np.round(np.asarray(hips, np.float64) / HIPS_STEP_M).astype(np.int32)
     largest = np.abs(rotations).argmax(axis=-1)
     ordered = np.take_along_axis(rotations, (largest[..., None] + np.arange(4)) % 4, axis=-1)
@@ -52,7 +52,7 @@ def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits
 
 
 def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
-    """Return hips, rotations, contacts and gaits of `packed_frames`; ValueError for other bytes."""
+    """Return hips, rotations, contacts and gaits from `packed_frames`; ValueError for other bytes."""
     if len(data) != PACKED_FRAME_BYTES * count:
         raise ValueError(f"{len(data)} bytes of {count} frames")
     sizes = np.cumsum([J, J * 3 * 2, 3 * 4, 4]) * count
@@ -75,7 +75,7 @@ def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArr
 
 
 def packed_gaits(data: bytes, count: int) -> AnyArray:
-    """Return the gaits `(T,)` of `packed_frames`, which are its last bytes."""
+    """Return the gaits `(T,)` from `packed_frames`, which are its last bytes."""
     return np.frombuffer(data, np.int8, count, (PACKED_FRAME_BYTES - 1) * count)
 
 
@@ -96,14 +96,14 @@ def _sums(values: AnyArray) -> AnyArray:
 
 
 def packed_table(values: AnyArray) -> bytes:
-    """Return the bytes of a table `(T, columns)`, column by column and low bytes first: what is alike stands together."""
+    """Return the bytes of a table `(T, columns)`, grouped by byte significance and column so that they compress well."""
     count, width = values.shape
     apart = np.ascontiguousarray(values.T).view(np.uint8).reshape(width, count, -1)
     return np.ascontiguousarray(apart.transpose(2, 0, 1)).tobytes()
 
 
 def unpacked_table(data: bytes, count: int, kind: Any) -> AnyArray:
-    """Return the table `(T, columns)` that `packed_table` packed."""
+    """Return the table `(T, columns)` from `packed_table`."""
     size = np.dtype(kind).itemsize
     planes = np.frombuffer(data, np.uint8).reshape(size, -1, count)
     return np.ascontiguousarray(planes.transpose(1, 2, 0)).view(kind)[..., 0].T

@@ -12,9 +12,9 @@ MAX_STEPS = 200
 
 @dataclass(frozen=True)
 class Step:
-    """A session, and the edit that made it in the user's words; `number` counts all steps that there ever were.
+    """A step of the history: a session and the label of the edit that led to it; `number` counts all steps ever made.
 
-    A step that is `awaited` was begun, and a job is still making its result.
+    An `awaited` step was begun, and a job is still computing its result.
     """
 
     number: int
@@ -25,7 +25,7 @@ class Step:
 
 @dataclass
 class History:
-    """Steps from the oldest that is kept to the newest; the present one is between what can be undone and redone."""
+    """The undo history: steps from oldest to newest, and the index of the present one."""
 
     steps: list[Step] = field(default_factory=lambda: [Step(0, "", Session())])
     at: int = 0  # index of the present step
@@ -36,22 +36,22 @@ class History:
 
     @property
     def undo_label(self) -> str:
-        """What undo would take back; "" when there is nothing."""
+        """Label of the step that undo would revert, or ""."""
         return self.present.label if self.at > 0 else ""
 
     @property
     def redo_label(self) -> str:
-        """What redo would do again; "" when there is nothing."""
+        """Label of the step that redo would restore, or ""."""
         return self.steps[self.at + 1].label if self.at + 1 < len(self.steps) else ""
 
     @property
     def settled(self) -> History:
-        """The history without steps that are awaited: what a file keeps."""
+        """The history without awaited steps, as it is saved."""
         steps = [step for step in self.steps if not step.awaited]
         return History(steps, sum(not step.awaited for step in self.steps[: self.at + 1]) - 1)
 
     def push(self, label: str, session: Session, awaited: bool = False) -> Step:
-        """Append a step after the present one and return it; what was undone is forgotten, and the oldest beyond `MAX_STEPS`."""
+        """Append a step after the present one and return it; redo steps and the oldest beyond `MAX_STEPS` are dropped."""
         del self.steps[self.at + 1 :]
         self.steps.append(Step(self.present.number + 1, label, session, awaited))
         excess = len(self.steps) - MAX_STEPS - 1
@@ -62,7 +62,7 @@ class History:
         return self.steps[-1]
 
     def land(self, number: int, change: Callable[[Session], Session]) -> None:
-        """Take the result of an awaited step: make the change to it and to every later step."""
+        """Apply the result of an awaited step to it and to every later step."""
         self.steps = [
             replace(s, session=change(s.session), awaited=s.awaited and s.number != number)
             if s.number >= number
@@ -71,22 +71,22 @@ class History:
         ]
 
     def drop(self, number: int) -> None:
-        """Remove an awaited step that has no result, as if it had not been begun."""
+        """Remove an awaited step whose job gave no result."""
         at = next((i for i, s in enumerate(self.steps) if s.number == number and s.awaited), -1)
         if at > 0:
             del self.steps[at]
             self.at -= self.at >= at
 
     def replace(self, session: Session) -> None:
-        """Another session in the place of the present one, as the same step."""
+        """Replace the session of the present step."""
         self.steps[self.at] = replace(self.present, session=session)
 
     def revise(self, change: Callable[[Session], Session]) -> None:
-        """Put what `change` makes of every session in its place."""
+        """Replace the session of every step by `change` of it."""
         self.steps = [replace(step, session=change(step.session)) for step in self.steps]
 
     def go(self, by: int) -> bool:
-        """Undo (-1) or redo (1) a step; whether there was one."""
+        """Undo (-1) or redo (1) a step; return whether there was one."""
         if not 0 <= self.at + by < len(self.steps):
             return False
         self.at += by

@@ -51,12 +51,12 @@ class SessionSummary:
 
     @property
     def has_motions(self) -> bool:
-        """Whether takes or recordings are in it, or may be."""
+        """Whether the session contains, or may contain, takes or recordings."""
         return self.damaged or self.takes > 0 or self.recordings > 0
 
 
 def new_path(folder: Path) -> Path:
-    """Return a free path. Names sort by the order of the sessions, also where the clock was set back between them."""
+    """Return a free path whose name sorts after all existing sessions, even if the clock was set back."""
     stamp, serial = time.strftime("%Y%m%d-%H%M%S"), 0
     for path in _sessions(folder):
         found = _NAME.match(path.name)
@@ -66,7 +66,7 @@ def new_path(folder: Path) -> Path:
 
 
 def find(folder: Path) -> list[SessionSummary]:
-    """Return sessions that hold work and that no living process holds, newest first; empty ones are removed."""
+    """Return the sessions with work that no running process holds, newest first; empty ones are removed."""
     found = []
     for path in _sessions(folder):
         if not is_held(path):
@@ -80,14 +80,14 @@ def find(folder: Path) -> list[SessionSummary]:
 
 
 def look_at(path: Path) -> SessionSummary | None:
-    """Return what is shown of one session; None where it cannot be read, is empty, or is held by a living process."""
+    """Return the summary of a session; None if it is unreadable, empty, or held by a running process."""
     with contextlib.suppress(FileError, OSError):
         return None if is_held(path) else _summary(path)
     return None
 
 
 def keep_newest(folder: Path, count: int = 10) -> list[SessionSummary]:
-    """Return what `find` finds; of more than `count`, remove those that an earlier call has found too, the least first."""
+    """Return the result of `find`, removing the least valuable beyond `count` that an earlier call has already listed."""
     found = find(folder)
     known = _offered(folder)
     least_first = sorted(found[::-1], key=lambda summary: summary.has_motions)
@@ -112,7 +112,7 @@ def _offered(folder: Path) -> set[str]:
 
 
 def remove(path: Path) -> None:
-    """Remove a session with its other files; one that is held or cannot be removed stays."""
+    """Remove a session and its side files, unless it is held or cannot be removed."""
     with contextlib.suppress(FileError, OSError):
         handle = take_lock(path)
         try:

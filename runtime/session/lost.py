@@ -22,7 +22,7 @@ _LOG = logging.getLogger("sport.session")
 
 @dataclass(frozen=True)
 class LostTake:
-    """A motion that no step names any more."""
+    """A motion that no step refers to any more."""
 
     key: str
     name: str
@@ -31,7 +31,7 @@ class LostTake:
 
 
 def settle(writer: Writer, held: Iterable[str], now_s: int) -> set[str]:
-    """Note what no step and nothing in this process names, and remove what was lost `LOST_DAYS` ago; keys of that."""
+    """Record which motions nothing refers to, remove those lost for `LOST_DAYS`, and return the removed keys."""
     named = _named(writer)
     used = named | _inputs(writer, set(held))
     motions, blobs = writer.kept()
@@ -85,7 +85,7 @@ class _Names:
         self.characters, self.motions = set[str](), set[str]()
 
     def add(self, text: str) -> None:
-        """Add what a text names; one that is no JSON names nothing."""
+        """Add all references in a JSON text; invalid JSON has none."""
         try:
             left = [parse_json(text, MAX_ITEMS)] if text[:1] in ("{", "[") else []
         except ValueError:

@@ -29,7 +29,7 @@ MAX_KEPT_FRAMES = (128 << 20) // CLIP_FRAME_BYTES  # half an hour, or one clip o
 
 @dataclass(frozen=True)
 class MotionHeader:
-    """What is known of a motion without its frames; the fields are those of `Clip`."""
+    """Description of a motion without its frames; the fields are those of `Clip`."""
 
     name: str
     fps: float
@@ -56,7 +56,7 @@ class MotionHeader:
         return (self.frames - 1) / self.fps
 
     def describe(self) -> str:
-        """Return how it was made, in some lines for a person."""
+        """Return some lines for the user about how the motion was made."""
         return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
 
     def clip(self, hips: Array, rotations: Array, contacts: Array, gaits: NDArray[np.int8]) -> Clip:
@@ -67,17 +67,17 @@ class MotionHeader:
 
 
 class MotionSource(Protocol):
-    """Where motions are loaded from: a session's file."""
+    """A source from which motions are loaded: a session's file."""
 
     def load_clip(self, key: str, header: MotionHeader) -> Clip:
-        """Return the frames of a motion; FileError where the file does not give them back."""
+        """Load the frames of a motion; FileError if that fails."""
 
     def load_inputs(self, key: str) -> InputRecording | None:
-        """Return the input of a motion."""
+        """Load the input of a motion."""
 
 
 class Motion:
-    """Frames and input under a key that no other motion has. Two motions are equal when their keys are."""
+    """Frames and input of a motion under a unique key; motions are equal if their keys are."""
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class Motion:
 
     @property
     def clip(self) -> Clip:
-        """Its frames; on any thread, FileError where they cannot be read."""
+        """The frames, loaded when needed; thread-safe, FileError if they cannot be read."""
         with self._lock:
             known = self._clip or (None if self._known_clip is None else self._known_clip())
             if known is None:
@@ -118,7 +118,7 @@ class Motion:
 
     @property
     def inputs(self) -> InputRecording | None:
-        """The input that made it; None where that is not known. FileError once where it cannot be read: then it is not."""
+        """The input that drove the motion, or None if unknown. Unreadable input raises FileError once, then is None."""
         with self._lock:
             if not self.header.resimulable:
                 return None
@@ -133,7 +133,7 @@ class Motion:
             return known
 
     def stored(self, source: MotionSource) -> None:
-        """Load it from a file that holds it from now on; it need not be in memory."""
+        """Load the motion from a file from now on, so that it can be released from memory."""
         with self._lock:
             self._source = source
             self._known_clip = self._known_clip if self._clip is None else weakref.ref(self._clip)
@@ -152,13 +152,13 @@ class Motion:
 
 @dataclass
 class ClipCache:
-    """Clips by what they were made of; any thread."""
+    """A thread-safe cache of clips."""
 
     _clips: OrderedDict[Hashable, Clip] = field(default_factory=OrderedDict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def get(self, key: Hashable, make: Callable[[], Clip]) -> Clip:
-        """Return the clip of a key, made where it is not kept."""
+        """Return the clip of a key, calling `make` if it is not cached."""
         with self._lock:
             if key in self._clips:
                 self._clips.move_to_end(key)

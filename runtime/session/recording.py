@@ -27,23 +27,23 @@ FRAME_NUMBERS = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local ro
 
 
 class RecordingFile(Protocol):
-    """The session's file, as a recording uses it."""
+    """The session's file, as a recording needs it."""
 
     database: Database
 
     def put_recorded(self, writer: Writer, key: str, header: str, inputs: InputRecording | None) -> None:
-        """Put the header of a motion, and what drove it."""
+        """Store the header and the input of a motion."""
 
     def hold(self, key: str, motion: Motion | Recording) -> None:
-        """Keep what is stored of a motion for as long as this lives."""
+        """Keep the stored data of a motion for as long as the object lives."""
 
     def lose(self, key: str) -> None:
-        """Note that no step will name a motion."""
+        """Record that no step will refer to a motion."""
 
 
 @dataclass
 class Recording:
-    """A motion while it is recorded. A process that is killed loses what was not added yet."""
+    """A motion being recorded; if the process is killed, only frames not yet added are lost."""
 
     file: RecordingFile
     header: MotionHeader
@@ -59,9 +59,9 @@ class Recording:
         prompts: tuple[PromptEvent, ...] = (),
         inputs: InputRecording | None = None,
     ) -> None:
-        """Add frames `(T, 132)` as a `ClipRecorder` keeps them, with their sticks and settings `(T, 8)`.
+        """Append frames `(T, 132)` in the format of `ClipRecorder`, with stick positions and settings `(T, 8)`.
 
-        `prompts` and `inputs` are those of all frames so far where they are others than before.
+        `prompts` and `inputs` cover all frames so far; pass them when they have changed.
         """
         about = replace(
             self.header, frames=self.header.frames + len(rows), prompts=prompts or self.header.prompts
@@ -89,7 +89,7 @@ class Recording:
         self.file.database.submit(work)
 
     def finish(self, clip: Clip, inputs: InputRecording | None) -> Motion:
-        """Return the motion that was recorded. Its frames are in the file already, unless they are more than the clip's."""
+        """Return the recorded motion; its frames are already in the file unless the clip has fewer."""
         if len(clip) != self.header.frames:
             self.give_up()
             return Motion.of(clip, inputs)
@@ -100,7 +100,7 @@ class Recording:
         return motion
 
     def give_up(self) -> None:
-        """Leave what was recorded to the lost things of the file."""
+        """Abandon the recording; it becomes one of the file's lost motions."""
         self.file.lose(self.key)
 
 

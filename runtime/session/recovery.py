@@ -25,9 +25,9 @@ Piece = tuple[str, int, int]  # key of the motion, number of the first frame, co
 
 
 def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
-    """Let frames whose pieces are missing hold the pose before them, and every motion say how many it has.
+    """Fill missing frames with the pose before them and correct the frame counts of motions.
 
-    Returns how many motions were changed, and how many frames hold a pose.
+    Returns how many motions were changed, and how many frames were filled.
     """
     writer = Writer(connection, set())
     rows = connection.execute("SELECT motion, number, count FROM frames ORDER BY motion, number").fetchall()

@@ -29,7 +29,7 @@ MAX_SALVAGED_ROWS = 2 * MAX_ROWS  # of a damaged file
 
 @dataclass
 class Renewal:
-    """What came of renewing a file: what was damaged, and where the disk has no room the rows in memory."""
+    """Result of renewing a session file: what was damaged, and its rows in memory if the disk is full."""
 
     path: Path
     repaired: str = ""  # what was damaged, in a user's words
@@ -38,7 +38,7 @@ class Renewal:
     waiting: list[unwritten.Change] = field(default_factory=list)
 
     def put(self) -> None:
-        """Put a new file with the rows of the one that is there in its place; of a damaged one all that are sound."""
+        """Replace the file by a new one with its rows; for a damaged file, with all rows that are intact."""
         path, log = self.path, side_files(self.path)[0]
         mode = "ro" if log.exists() and log.stat().st_size else "immutable"
         try:
@@ -88,7 +88,7 @@ class Renewal:
 
 
 def is_damage(error: FileError) -> bool:
-    """Return whether the content of a file is at fault, and it may be one of a session."""
+    """Return whether an error comes from damaged content of what may be a session file."""
     cause = error.__cause__
     wrong = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_ERROR)
     plain = sqlite3.SQLITE_ERROR if isinstance(cause, sqlite3.Error) else -1  # text that is none
@@ -97,13 +97,13 @@ def is_damage(error: FileError) -> bool:
 
 
 def is_of_the_disk(error: BaseException | None) -> bool:
-    """Return whether another try may succeed."""
+    """Return whether an error of the disk may go away when the operation is tried again."""
     kinds = (OSError, FileError, sqlite3.OperationalError)
     return isinstance(error, kinds) or type(error) is sqlite3.DatabaseError
 
 
 def checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Connection:
-    """Return a connection to a file that is what it must be; else it is closed, ValueError or sqlite3.Error."""
+    """Return the connection if its file is valid; otherwise close it and raise ValueError or sqlite3.Error."""
     try:
         version_of(connection)
         if thorough:
@@ -115,7 +115,7 @@ def checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Co
 
 
 def memory_of(connection: sqlite3.Connection, changes: Sequence[unwritten.Change]) -> sqlite3.Connection:
-    """Return the rows of a file with changes that it has not taken."""
+    """Return a copy of a file's rows in memory, with changes applied that are not in the file."""
     memory = in_memory()
     copy_rows(connection, memory)
     unwritten.make(changes, memory)

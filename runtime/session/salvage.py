@@ -28,7 +28,7 @@ Cell = tuple[bool, list[Value], Value | None]
 
 
 def salvaged(path: Path) -> Iterator[tuple[str, Row]]:
-    """Yield every row of a file and its log whose checksum fits, with its table; OSError where it cannot be read."""
+    """Yield (table, row) for every row of a file and its log with a valid checksum; OSError if it cannot be read."""
     with path.open("rb") as file:
         yield from _Pages(file, path.stat().st_size, _logged(path)).rows()
 

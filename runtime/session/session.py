@@ -29,7 +29,7 @@ NO_SHAPE, NO_PROMPT = BodyShape(), PromptBlend()
 
 @dataclass(frozen=True)
 class Ground:
-    """A ground by its name or file; grounds of the same heights are equal."""
+    """A ground by its name or file; grounds with the same heights are equal."""
 
     spec: str
     terrain: Terrain = field(compare=False)
@@ -44,7 +44,7 @@ class Ground:
 
 @dataclass(frozen=True)
 class CharacterChoice:
-    """Who moves: the mannequin in a shape, or the character of a file, whose content is kept under `key`."""
+    """The character: the mannequin in a shape, or a file whose content is stored under `key`."""
 
     shape: BodyShape = NO_SHAPE
     path: str = ""  # of the file that was opened; "" for the mannequin
@@ -54,7 +54,7 @@ class CharacterChoice:
 
 @dataclass(frozen=True)
 class ModelName:
-    """Which model moved the character; `folder` is "" for the shipped one."""
+    """The model that moved the character; `folder` is "" for the shipped one."""
 
     folder: str = ""
     name: str = ""
@@ -64,7 +64,7 @@ class ModelName:
 
 @dataclass(frozen=True)
 class Reference:
-    """What a take is compared with: take `take` of the session, or the film `video` where that is named."""
+    """What a take is compared with: take `take` of the session, or the film `video` if given."""
 
     take: int = LIVE
     video: str = ""  # a path
@@ -79,7 +79,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Variant:
-    """A character of the compare view: what it moves by."""
+    """A character of the compare view, with its prompt and seed."""
 
     number: int
     prompt: PromptBlend
@@ -88,7 +88,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class Take:
-    """One take: its motion, and edits over that. Without a motion it is the live character."""
+    """A take: its motion and the edits over it. Without a motion it is the live character."""
 
     number: int = LIVE  # given once in a session
     motion: Motion | None = None
@@ -114,7 +114,7 @@ class Take:
 
     @property
     def made(self) -> Motion:
-        """Its motion; UsageError of the live character, which has none yet."""
+        """The take's motion; UsageError for the live character, which has none yet."""
         if self.motion is None:
             raise UsageError("The live character is not recorded.", "Record a take with R.")
         return self.motion
@@ -125,7 +125,7 @@ class Take:
 
     @property
     def range(self) -> tuple[int, int]:
-        """First and last frame that are kept, within the motion."""
+        """First and last frame after the trim."""
         last = self.frames - 1
         if self.trim is None:
             return 0, last
@@ -134,23 +134,23 @@ class Take:
 
     @property
     def trimmed(self) -> bool:
-        """Whether the trim leaves something out."""
+        """Whether the trim removes any frame."""
         return self.range != (0, self.frames - 1)
 
     @property
     def base_clip(self) -> Clip:
-        """Its frames before pins and plants; FileError where its file does not give them back."""
+        """The take's frames before pose edits; FileError if its file cannot be read."""
         clip = self.made.clip
         return _mirrored(self.made) if self.mirrored else clip
 
     @property
     def below_layer(self) -> Clip:
-        """Its frames with plants, before the pose layer and pins."""
+        """The take's frames with footplants, before the pose layer and pins."""
         plants = PoseEdits(footplants=self.poses.footplants)
         return _posed(self.made, self.mirrored, plants) if plants else self.base_clip
 
     def frame(self, number: int) -> Clip:
-        """Return one frame of `clip`, alone: what is shown of an edit before all frames are made."""
+        """Return one edited frame as a clip, for a preview before all frames are computed."""
         return self.poses.frame(self.below_layer, number)
 
     @property
@@ -159,7 +159,7 @@ class Take:
 
     @property
     def exported(self) -> Clip:
-        """What is written to a file: the frames that the trim keeps, under the take's name."""
+        """The clip that is exported: trimmed, with the take's title as name."""
         clip = replace(self.clip, name=self.title)
         return clip.trim(*self.range) if self.trimmed else clip
 
@@ -182,7 +182,7 @@ def _posed(motion: Motion, is_mirrored: bool, poses: PoseEdits) -> Clip:
 
 @dataclass(frozen=True)
 class Session:
-    """Takes in their order, the live character, where and as whom it walks, and what is compared."""
+    """Takes in order, the live character, its ground and body, and what is compared."""
 
     takes: tuple[Take, ...] = ()
     live: Take = Take()
@@ -201,16 +201,16 @@ class Session:
         return next((take for take in self.takes if take.number == number), None)
 
     def index(self, number: int) -> int:
-        """Return the place of a take in the list; -1 where it is not there."""
+        """Return the index of a take in the list, or -1."""
         return next((i for i, take in enumerate(self.takes) if take.number == number), -1)
 
     @property
     def current(self) -> Take | None:
-        """The selected take; None while none of the list is."""
+        """The selected take, or None."""
         return None if self.selected == LIVE else self.take(self.selected)
 
     def with_take(self, number: int, **changes: Any) -> Session:
-        """Return the session with other fields of one take, or of the live character; the same session without such a take."""
+        """Return the session with fields of a take or the live character replaced; unchanged if there is no such take."""
         if number == LIVE:
             return replace(self, live=replace(self.live, **changes))
         takes = tuple(replace(take, **changes) if take.number == number else take for take in self.takes)
@@ -218,6 +218,6 @@ class Session:
 
 
 def has_edits(session: Session) -> bool:
-    """Return whether a session holds work besides takes: a path, poses and camera keys of the live character, variants."""
+    """Return whether a session contains work besides takes: edits of the live character, or variants."""
     live = session.live
     return bool(live.path or live.poses or live.cameras or session.variants)

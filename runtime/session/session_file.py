@@ -43,7 +43,7 @@ MAX_RECOVERED_TAKES = 2000  # at once; the others are lost takes, which can be h
 
 @dataclass
 class SessionFile(StoredMotions):
-    """The file of the session that is open."""
+    """The file of the open session: its history, motions and recordings."""
 
     repaired: str = ""  # what was wrong with the file when it was opened, in a user's words
     recovered: int = 0  # takes that no step named
@@ -70,9 +70,9 @@ class SessionFile(StoredMotions):
 
     @staticmethod
     def open(path: Path, cache: Path) -> tuple[SessionFile, History]:
-        """Open an existing file as untrusted, and return it with its history; FileError, FileInUse.
+        """Open an untrusted session file and return it with its history. Raises FileError, FileInUse.
 
-        Steps and takes that are not sound are left out; a motion that none of them names is a recovered take of a last step.
+        Invalid steps and takes are left out; motions without a step become recovered takes in a last step.
         """
         database = Database.open(path)
         try:
@@ -86,7 +86,7 @@ class SessionFile(StoredMotions):
 
     @staticmethod
     def copy(path: Path, target: Path) -> None:
-        """Copy a file that another window may have open; FileError, FileInUse."""
+        """Copy a session file, even while another window has it open. Raises FileError, FileInUse."""
         database = Database.read(path)
         try:
             database.save_copy(target)
@@ -95,18 +95,18 @@ class SessionFile(StoredMotions):
 
     @property
     def problem(self) -> str:
-        """Why what was done is not on disk; "" when it is."""
+        """The reason why changes are not on disk, or ""."""
         return self.database.problem
 
     @property
     def view(self) -> dict[str, Any]:
-        """How the session was looked at when it was closed: flat values."""
+        """The view of the session when it was last closed: flat values."""
         return read_view(self.database.meta("view"))
 
     # --- writing
 
     def write(self, history: History) -> None:
-        """Bring the file to a history; takes no time on the thread that calls."""
+        """Queue the changes that bring the file up to date with a history; returns at once."""
         steps = [s for s in history.steps if self._written.get(s.number) is not s.session]
         first, last, present = history.steps[0].number, history.steps[-1].number, history.present
         history_steps, kept = list(history.steps), {s.number: s.session for s in history.steps}
@@ -137,11 +137,11 @@ class SessionFile(StoredMotions):
 
     @property
     def has_work(self) -> bool:
-        """Whether the file has takes or recordings, also lost ones, or a step has other work."""
+        """Whether the file contains takes, recordings (including lost ones) or other work."""
         return self._has_motions or any(map(has_edits, self._written.values()))
 
     def set_meta(self, name: str, text: str) -> None:
-        """Keep a text under a name."""
+        """Store a text under a name."""
         self.database.submit(methodcaller("set_meta", name, text))
 
     def _note_lost(
@@ -156,7 +156,7 @@ class SessionFile(StoredMotions):
         self._lost = self._lost or bool(gone)
 
     def lose(self, key: str) -> None:
-        """Note that no step will name a motion."""
+        """Record that no step will refer to a motion."""
         self._lost = True
         self.database.submit(lambda writer: writer.lose([key, key + TAIL], int(time.time())))
 
@@ -195,7 +195,7 @@ class SessionFile(StoredMotions):
         return new
 
     def write_view(self, view: Mapping[str, Any], ended: bool = False, picture: bytes = b"") -> None:
-        """Remember how the session is looked at; `ended` as planned, with a `picture` (PNG) to know it by."""
+        """Store the view of the session; `ended` if closed normally, with a `picture` (PNG) for the list."""
         text = json.dumps(dict(view), ensure_ascii=True)
 
         def work(writer: Writer) -> None:
@@ -249,7 +249,7 @@ class SessionFile(StoredMotions):
     # --- recording
 
     def put_recorded(self, writer: Writer, key: str, header: str, inputs: InputRecording | None) -> None:
-        """Put the header of a motion whose frames are in the file, and what drove it but for the sticks of these."""
+        """Store the header of a motion whose frames are already in the file, and its input without the stick positions."""
         self._begin(writer)
         self._is_new(key)
         if inputs is not None:
@@ -257,14 +257,14 @@ class SessionFile(StoredMotions):
         writer.put_motion(key, header)
 
     def begin_recording(self, header: MotionHeader) -> Recording:
-        """Keep what is recorded from now on."""
+        """Start a recording in this file."""
         recording = Recording(self, header)
         self.hold(recording.key, recording)
         self._has_motions = True
         return recording
 
     def hold(self, key: str, motion: Motion | Recording) -> None:
-        """Keep what is stored of a motion for as long as this lives."""
+        """Keep the stored data of a motion for as long as the object lives."""
         self._held[key] = motion
 
     # --- opening
@@ -346,7 +346,7 @@ class SessionFile(StoredMotions):
         self.write(history)
 
     def found_takes(self, lost: Sequence[LostTake]) -> list[Take]:
-        """Return lost takes with their edits, to be put into the session again; FileError."""
+        """Return lost takes with their edits, for restoring them. Raises FileError."""
         counts, takes = self.database.frame_counts(), self._takes_of({take.key for take in lost})
         for take in lost:
             found = self._recovered(take.key, counts[take.key])
@@ -359,18 +359,18 @@ class SessionFile(StoredMotions):
     # --- the file
 
     def save_as(self, path: Path) -> None:
-        """Go on in another file; what is there already is replaced. FileError, FileInUse."""
+        """Switch to another file, replacing it if it exists. Raises FileError, FileInUse."""
         self.database.save_as(path)
 
     def save_copy(self, path: Path) -> None:
         self.database.save_copy(path)
 
     def flush(self, seconds: float | None = None) -> bool:
-        """Wait until all is on disk; whether it is."""
+        """Wait until everything is on disk; return whether it is."""
         return self.database.flush(seconds)
 
     def close(self, seconds: float | None = None) -> bool:
-        """Write what is left and let go of the file, within so many seconds; whether all is in it."""
+        """Write what is left and release the file within `seconds`; return whether everything is in it."""
         return self.database.close(seconds)
 
 

@@ -52,12 +52,12 @@ _OF_CONTENT = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CON
 
 
 class FileInUse(FileError):
-    """Another window or process has the session open."""
+    """Raised if another window or process has the session open."""
 
 
 @dataclass
 class Budget:
-    """What may still be made of a file, in bytes of memory."""
+    """A limit on the bytes of memory that reading a file may use."""
 
     left: int
     of: int = 0
@@ -68,7 +68,7 @@ class Budget:
         return Budget(most, most)
 
     def spend(self, count: int) -> None:
-        """Count what is about to be made; ValueError where it is too much."""
+        """Subtract `count` bytes from the budget; ValueError if it is exceeded."""
         if count > self.left:
             raise ValueError(f"it unfolds to more than {self.of >> 20} MB")
         self.left -= count
@@ -81,7 +81,7 @@ def _code(error: Exception) -> int:
 
 
 def said(error: Exception) -> str:
-    """Return what went wrong with a file, in a user's words."""
+    """Return what went wrong with a file, in words for the user."""
     if isinstance(error, sqlite3.Error):
         return _SAID.get(_code(error), reason(error))
     if isinstance(error, zlib.error):
@@ -91,7 +91,7 @@ def said(error: Exception) -> str:
 
 @contextlib.contextmanager
 def file_errors(path: Path, remedy: str = REMEDY) -> Iterator[None]:
-    """Turn what SQLite, the system or a value that is none raises into a FileError that names `path`."""
+    """Convert errors of SQLite, the system or invalid values in the block into a FileError that names `path`."""
     try:
         yield
     except (sqlite3.Error, OSError, ValueError, OverflowError, MemoryError, zlib.error) as error:
@@ -103,18 +103,18 @@ def file_errors(path: Path, remedy: str = REMEDY) -> Iterator[None]:
 
 
 def side_files(path: Path) -> tuple[Path, Path]:
-    """Return SQLite's log of what is not in the file yet, and the index of it."""
+    """Return SQLite's write-ahead log of a file, and the index of the log."""
     return path.with_name(f"{path.name}-wal"), path.with_name(f"{path.name}-shm")
 
 
 def unwritten_files(path: Path) -> tuple[Path, Path]:
-    """Return where changes lie that a session's file had not taken: next to it, and in the user's state folder."""
+    """Return the two places for changes that a session's file could not take: next to it, and in the user's state folder."""
     key = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]
     return path.with_name(f".{path.name}.unwritten"), state_directory() / "unwritten" / f"{key}.unwritten"
 
 
 def is_own(path: Path) -> bool:
-    """Return whether a file or folder is there, no link, and of this user, whom alone it lets write."""
+    """Return whether a file or folder exists, is not a link, belongs to this user, and is writable by this user alone."""
     try:
         status = path.lstat()
     except OSError:
@@ -125,7 +125,7 @@ def is_own(path: Path) -> bool:
 
 
 def keep_aside(path: Path) -> Path:
-    """Keep a damaged session as it is under another name next to it, for `KEPT_ASIDE_DAYS`; OSError."""
+    """Keep a copy of a damaged session under another name next to it for `KEPT_ASIDE_DAYS`, and return its path. Raises OSError."""
     aside = path.with_name(f"{path.name}{ASIDE}{time.strftime('%Y%m%d-%H%M%S')}")
     for file, kept in zip((path, side_files(path)[0]), (aside, side_files(aside)[0]), strict=True):
         if file.exists():
@@ -137,7 +137,7 @@ def keep_aside(path: Path) -> Path:
 
 
 def kept_aside(path: Path, days: float = 0.0) -> list[Path]:
-    """Return what `keep_aside` has kept of a session longer than so many days."""
+    """Return the copies that `keep_aside` made of a session more than `days` ago."""
     stamp = time.strftime("%Y%m%d-%H%M%S", time.localtime(time.time() - 86400.0 * days))
     begin = f"{path.name}{ASIDE}"
     with contextlib.suppress(OSError):
@@ -146,12 +146,12 @@ def kept_aside(path: Path, days: float = 0.0) -> list[Path]:
 
 
 def lock_of(path: Path) -> Path:
-    """Return the small file whose lock says that a process has a session open."""
+    """Return the lock file that marks a session as open."""
     return path.with_name(f".{path.name}.lock")
 
 
 def take_lock(path: Path) -> int:
-    """Return the descriptor of the locked lock file; FileInUse, FileError."""
+    """Lock a session and return the descriptor of its lock file. Raises FileInUse, FileError."""
     with file_errors(path, "Open a copy of it, or choose a folder that can be written."):
         path.parent.mkdir(parents=True, exist_ok=True)
         for _ in range(3):  # a process that only looks lets go at once
@@ -162,14 +162,14 @@ def take_lock(path: Path) -> int:
 
 
 def drop_lock(handle: int, path: Path) -> None:
-    """Let go, and remove the file that was locked."""
+    """Release a session's lock and remove the lock file."""
     with contextlib.suppress(OSError):  # one that stays locks nothing
         lock_of(path).unlink()
     os.close(handle)
 
 
 def is_held(path: Path) -> bool:
-    """Return whether a living process has a session open, this one included."""
+    """Return whether a running process, including this one, has a session open."""
     try:
         handle = open_locked(lock_of(path))
     except OSError:
@@ -180,7 +180,7 @@ def is_held(path: Path) -> bool:
 
 
 def real_path(path: Path) -> Path:
-    """Return the path without links, as SQLite's other files lie next to it; FileError when it is no name of a file."""
+    """Return the path with links resolved, since SQLite's side files are next to it; FileError if it is not a valid path."""
     try:
         return Path(os.path.realpath(path))
     except (OSError, ValueError) as error:
@@ -188,9 +188,9 @@ def real_path(path: Path) -> Path:
 
 
 def check_files(path: Path) -> int:
-    """Return bytes of the file and its log; FileError for what is missing, too large, or no regular file.
+    """Return the size in bytes of the file and its log; FileError if it is missing, too large, or not a regular file.
 
-    They are not opened: to close a file that SQLite has open would take its locks away.
+    The files are not opened: closing a file that SQLite has open would release its locks.
     """
     total = 0
     for file in (path, *side_files(path), path.with_name(f"{path.name}-journal")):
@@ -214,10 +214,7 @@ def check_files(path: Path) -> int:
 
 
 def connect(path: Path, mode: str) -> sqlite3.Connection:
-    """Return a connection of which every thread may make use, one at a time; `mode` is rw, rwc, ro, immutable or memory.
-
-    sqlite3.Error where the file cannot be opened.
-    """
+    """Open a connection usable from any thread, one at a time; `mode` is rw, rwc, ro, immutable or memory. Raises sqlite3.Error."""
     address = f"file:{quote(os.fsencode(path.as_posix()), safe='/:')}"
     options = "mode=ro&immutable=1" if mode == "immutable" else f"mode={mode}"
     connection = sqlite3.connect(
@@ -233,9 +230,9 @@ def connect(path: Path, mode: str) -> sqlite3.Connection:
 
 
 def connect_reader(path: Path) -> sqlite3.Connection:
-    """Return a connection for reading only, of a file that is open elsewhere too; sqlite3.Error.
+    """Open a read-only connection to a file that may be open elsewhere too. Raises sqlite3.Error.
 
-    Where there is no log, and nothing that writes one, no file is made for the reading: the folder may be read-only.
+    Without a log or a writer no file is created for reading, since the folder may be read-only.
     """
     log = side_files(path)[0]
     alone = not is_held(path) and not (log.exists() and log.stat().st_size)
@@ -243,9 +240,9 @@ def connect_reader(path: Path) -> sqlite3.Connection:
 
 
 def connect_writer(path: Path) -> sqlite3.Connection:
-    """Return a connection for writing; sqlite3.Error or FileError.
+    """Open a connection for writing. Raises sqlite3.Error, FileError.
 
-    Each commit is synced: a machine that loses power loses what was not written yet, as a process that is killed.
+    Each commit is synced, so that a power failure loses no more than killing the process does.
     """
     connection = connect(path, "rw")
     if connection.execute("PRAGMA journal_mode = WAL").fetchone()[0] != "wal":
@@ -260,7 +257,7 @@ def connect_writer(path: Path) -> sqlite3.Connection:
 
 
 def in_memory() -> sqlite3.Connection:
-    """Return an empty session that is no file."""
+    """Return an empty session database in memory."""
     memory = connect(Path(":memory:"), "memory")
     create(memory)
     return memory
@@ -268,9 +265,9 @@ def in_memory() -> sqlite3.Connection:
 
 @contextlib.contextmanager
 def new_file(path: Path, before: Callable[[], None] = lambda: None) -> Iterator[sqlite3.Connection]:
-    """Yield a connection to a new file that takes the place of `path`, its log included, when the block ends; FileError.
+    """Create a new file with the tables, which replaces `path` and its log when the block ends. Raises FileError.
 
-    It has the tables, and rows that fit them. `before` is called before the file is replaced.
+    `before` is called before the file is replaced.
     """
     with atomic_path(path) as temporary, file_errors(path, ROOM_REMEDY):
         with contextlib.closing(connect(temporary, "rw")) as connection:

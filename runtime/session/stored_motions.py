@@ -35,7 +35,7 @@ MAX_CLIP_BYTES = 300 << 20  # of one take in memory: two and a half hours
 
 @dataclass
 class StoredMotions:
-    """What is read of an open session; any thread."""
+    """Reads motions and characters of an open session file; thread-safe."""
 
     database: Database
     cache: Path  # folder for the files of characters
@@ -46,7 +46,7 @@ class StoredMotions:
         return self.database.path
 
     def load_clip(self, key: str, header: MotionHeader) -> Clip:
-        """Return the frames of a motion; on any thread, FileError."""
+        """Return the frames of a motion; thread-safe. Raises FileError."""
         return self._clips.get(key, lambda: self._read_clip(key, header))
 
     def _read_clip(self, key: str, header: MotionHeader) -> Clip:
@@ -73,7 +73,7 @@ class StoredMotions:
         return clip
 
     def load_inputs(self, key: str) -> InputRecording | None:
-        """Return the input of a motion; on any thread, FileError."""
+        """Return the input of a motion; thread-safe. Raises FileError."""
         reader = self._reader()
 
         def read() -> InputRecording:
@@ -107,7 +107,7 @@ class StoredMotions:
         return known[key]
 
     def character_path(self, choice: CharacterChoice) -> Path | None:
-        """Return the glTF of a character, written to the cache where it is not there; None for the mannequin. FileError."""
+        """Return the glTF of a character, written to the cache if needed; None for the mannequin. Raises FileError."""
         if not choice.key:
             return None
         if (self.cache / choice.key).is_file():
@@ -126,7 +126,7 @@ class StoredMotions:
 
     @property
     def lost_takes(self) -> list[LostTake]:
-        """Motions that no step has named for less than `LOST_DAYS`, the newest first; FileError."""
+        """Return motions that no step refers to, lost less than `LOST_DAYS` ago, newest first. Raises FileError."""
         frames, takes = self.database.frame_counts(), []
         for key, since_s, _ in reversed(self.database.lost()):
             found = self._recovered(key, frames[key])
@@ -166,11 +166,11 @@ class StoredMotions:
 
 
 def are_gaits(gaits: AnyArray | None) -> bool:
-    """Return whether numbers `(T,)` are those of gaits, or not known."""
+    """Return whether all numbers `(T,)` are gaits or -1 (unknown)."""
     return gaits is None or bool(((gaits >= -1) & (gaits < 10)).all())
 
 
 def check_motion(clip: Clip, path: Path | str = "a take") -> None:
-    """FileError unless every frame can be shown."""
+    """Raise FileError unless every frame can be shown."""
     if not are_gaits(clip.gaits) or not are_poses(clip.hips_positions, clip.local_rotations, clip.contacts):
         raise FileError(f"{path}: a take whose frames are no poses.", REMEDY)

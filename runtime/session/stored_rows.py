@@ -22,7 +22,7 @@ ZLIB_LEVEL = 1  # of zlib
 
 @dataclass
 class StoredRows:
-    """The rows of the tables, by what they are; FileError where they are missing, damaged or more than the budget has."""
+    """Reads the tables of a session; FileError for rows that are missing, damaged or exceed the budget."""
 
     path: Path  # without links
     budget: Budget
@@ -32,32 +32,32 @@ class StoredRows:
     _reading: threading.RLock = field(default_factory=threading.RLock)
 
     def steps(self, count: int = -1) -> list[tuple[int, str]]:
-        """Return numbers and labels of the last so many steps; all for -1."""
+        """Return (number, label) of the last `count` steps, or of all for -1."""
         size, order = "16 + length(CAST(label AS BLOB))", f"ORDER BY number DESC LIMIT {count}"
         return self._rows("steps", "number, label", (int, str), size, order=order)[::-1]
 
     def step(self, number: int) -> str:
-        """Return the document of a step; FileError where there is none."""
+        """Return the document of a step; FileError if there is none."""
         size = "length(CAST(document AS BLOB))"
         rows = self._rows("steps", "document", (str,), size, "number = ?", number)
         return self._one(rows, f"step {number}")[0]
 
     def blob(self, key: str) -> bytes:
-        """Return bytes by their key; FileError where there are none."""
+        """Return a blob by key; FileError if there is none."""
         return self._content("blobs", "key = ?", key)
 
     def motion(self, key: str) -> str:
-        """Return the header of a motion; FileError where there is none."""
+        """Return the header of a motion; FileError if there is none."""
         size = "length(CAST(header AS BLOB))"
         return self._one(self._rows("motions", "header", (str,), size, "key = ?", key), f"motion {key}")[0]
 
     def motions(self) -> list[str]:
-        """Return keys of the motions, in the order in which they were made."""
+        """Return the keys of all motions, oldest first."""
         rows = self._rows("motions", "key", (str,), "length(CAST(key AS BLOB))", order="ORDER BY number")
         return [key for (key,) in rows]
 
     def frame_counts(self) -> Counter[str]:
-        """Return how many frames the pieces of each motion say they have, in the order in which the motions were made."""
+        """Return the stated frame count of each motion, oldest first."""
         size, order = "length(CAST(motion AS BLOB))", "GROUP BY motion ORDER BY min(rowid)"
         counts = Counter[str]()
         for key, count in self._rows("frames", "motion, sum(count)", (str, int), size, order=order):
@@ -65,18 +65,18 @@ class StoredRows:
         return counts
 
     def text_blobs(self) -> list[tuple[str, int]]:
-        """Return keys and lengths of blobs that may be texts of takes, the newest first."""
+        """Return (key, length) of blobs that may be texts of takes, newest first."""
         size, where = "length(CAST(key AS BLOB))", f"size BETWEEN 2 AND {MAX_TAKE_TEXT_BYTES}"
         order = f"ORDER BY rowid DESC LIMIT {MAX_TAKE_TEXTS}"
         return self._rows("blobs", "key, size", (str, int), size, where, order=order)
 
     def lost(self) -> list[tuple[str, int, str]]:
-        """Return keys, times in seconds since 1970 and texts of what no step names, the oldest first."""
+        """Return (key, seconds since 1970, text) of lost items, oldest first."""
         size = "length(CAST(key AS BLOB)) + length(CAST(text AS BLOB))"
         return self._rows("lost", "key, since, text", (str, int, str), size, order="ORDER BY since, rowid")
 
     def frames(self, key: str) -> Iterator[tuple[int, bytes]]:
-        """Yield the pieces of a motion in order: how many frames, and what `put_frames` got."""
+        """Yield the pieces of a motion in order: frame count, and content as given to `put_frames`."""
         order = "ORDER BY number"
         rows = self._rows("frames", "number, count", (int, int), "16", "motion = ?", key, order=order)
         if len(rows) > sum(count for _, count in rows) // MIN_PIECE_FRAMES + MAX_SMALL_PIECES:
@@ -85,7 +85,7 @@ class StoredRows:
             yield count, self._content("frames", "motion = ? AND number = ?", key, number)
 
     def frame_count(self, key: str) -> int:
-        """Return how many frames the pieces of a motion say they have."""
+        """Return the stated frame count of a motion."""
         return sum(count for (count,) in self._rows("frames", "count", (int,), "8", "motion = ?", key))
 
     def meta(self, name: str, default: str = "") -> str:
@@ -93,7 +93,7 @@ class StoredRows:
         return rows[0][0] if rows else default
 
     def meta_bytes(self, name: str) -> bytes:
-        """Return the bytes under a name; b"" for none."""
+        """Return the metadata bytes under a name, or b""."""
         rows = self._rows("meta", "value", (bytes,), "length(value)", "name = ?", name)
         return rows[0][0] if rows else b""
 
@@ -148,7 +148,7 @@ class StoredRows:
 
 
 class Writer:
-    """What a work may change, one for each transaction. Only within `Database.submit`; nothing of it lasts unless all does."""
+    """Changes the tables within one transaction of `Database.submit`, which takes effect as a whole or not at all."""
 
     def __init__(self, connection: sqlite3.Connection, counted: set[tuple[Any, ...]]) -> None:
         self._connection, self._run = connection, connection.execute
@@ -158,13 +158,13 @@ class Writer:
         self.committed: list[Callable[[], None]] = []
 
     def put_blob(self, key: str, content: bytes) -> None:
-        """Keep bytes under the hash of their content; once is enough."""
+        """Store bytes under their hash, unless they exist already."""
         self._counted.add(("blobs", key))
         if self._run("SELECT 1 FROM blobs WHERE key = ?", (key,)).fetchone() is None:
             self._put("blobs", (key, len(content), zlib.compress(content, ZLIB_LEVEL)))
 
     def put_motion(self, key: str, header: str) -> None:
-        """Keep the header of a motion, or replace it; its place in the order stays."""
+        """Store or replace the header of a motion; its position in the order stays."""
         self._counted.add(("motions", key))
         self._run(
             "INSERT INTO motions (key, header, checksum) VALUES (?, ?, ?)"
@@ -173,7 +173,7 @@ class Writer:
         )
 
     def put_frames(self, key: str, number: int, count: int, content: bytes) -> None:
-        """Keep piece `number` of a motion, of `count` frames, or replace it."""
+        """Store or replace piece `number` of a motion, with `count` frames."""
         self._counted.add(("frames", key, number))
         self._put("frames", (key, number, count, len(content), zlib.compress(content, ZLIB_LEVEL)))
 
@@ -181,7 +181,7 @@ class Writer:
         self._run("DELETE FROM frames WHERE motion = ?", (key,))
 
     def put_step(self, number: int, label: str, document: str) -> None:
-        """Keep a step of the session's history, or replace it."""
+        """Store or replace a step of the history."""
         self._counted.add(("steps", number))
         self._put("steps", (number, label, document))
 
@@ -189,7 +189,7 @@ class Writer:
         self._run("DELETE FROM steps WHERE number = ?", (number,))
 
     def drop_steps(self, first: int | None = None, before: int | None = None) -> None:
-        """Remove the steps from `first` on, and those before `before`."""
+        """Delete the steps from `first` on, and those before `before`."""
         self._run("DELETE FROM steps WHERE number >= ? OR number < ?", (first, before))
 
     def set_meta(self, name: str, value: str | bytes) -> None:
@@ -197,46 +197,46 @@ class Writer:
         self._put("meta", (name, value))
 
     def documents(self) -> Iterator[str]:
-        """Yield the texts of all steps as this transaction has them, one after the other."""
+        """Yield the documents of all steps, including changes of this transaction."""
         for (number,) in self._run("SELECT number FROM steps").fetchall():
             yield self._run("SELECT document FROM steps WHERE number = ?", (number,)).fetchone()[0]
 
     def motion(self, key: str) -> str:
-        """Return the header of a motion as this transaction has it; "" where there is none."""
+        """Return the header of a motion, including changes of this transaction; "" if there is none."""
         found = self._run("SELECT header FROM motions WHERE key = ?", (key,)).fetchone()
         return "" if found is None else found[0]
 
     def blob(self, key: str) -> bytes:
-        """Return bytes by their key as this transaction has them, as many as a text may have; b"" where there are none."""
+        """Return a blob by key, including changes of this transaction, up to the size limit of texts; b"" if there is none."""
         found = self._run("SELECT content FROM blobs WHERE key = ?", (key,)).fetchone()
         return b"" if found is None else zlib.decompressobj().decompress(found[0], MAX_TEXT_BYTES)
 
     # --- what no step names
 
     def lose(self, keys: Iterable[str], since_s: int, text: str = "") -> None:
-        """Note that no step names motions or blobs any more since a time; one that is noted already keeps its own."""
+        """Mark motions or blobs as lost since a time; items already marked keep theirs."""
         put_rows(self._connection, "lost", (sealed("lost", (key, since_s, text)) for key in keys), "IGNORE")
 
     def find(self, keys: Iterable[str]) -> None:
-        """Note that a step names motions or blobs again."""
+        """Remove the lost mark of motions or blobs."""
         self._many("DELETE FROM lost WHERE key = ?", ((key,) for key in keys))
 
     def lost(self) -> list[tuple[str, int, str]]:
-        """Return key, time in seconds since 1970 and text of what is lost, the oldest first."""
+        """Return (key, seconds since 1970, text) of lost items, oldest first."""
         return self._run("SELECT key, since, text FROM lost ORDER BY since, rowid").fetchall()
 
     def kept(self) -> tuple[list[str], list[str]]:
-        """Return keys of all motions, those that have frames only too, and of all blobs."""
+        """Return the keys of all motions, including those with frames only, and of all blobs."""
         motions = self._run("SELECT key FROM motions UNION SELECT motion FROM frames").fetchall()
         return [key for (key,) in motions], [key for (key,) in self._run("SELECT key FROM blobs")]
 
     def remove(self, keys: Collection[str]) -> None:
-        """Remove motions with their frames, blobs, and what is noted of them as lost."""
+        """Delete motions with their frames, blobs, and their lost marks."""
         for table, column in (("motions", "key"), ("frames", "motion"), ("blobs", "key"), ("lost", "key")):
             self._many(f"DELETE FROM {table} WHERE {column} = ?", ((key,) for key in keys))
 
     def stored_bytes(self) -> int:
-        """Return bytes of the file that hold something."""
+        """Return how many bytes of the file are in use."""
         pages, free = (self._run(f"PRAGMA {name}").fetchone()[0] for name in ("page_count", "freelist_count"))
         return int(PAGE_BYTES * (pages - free))
 

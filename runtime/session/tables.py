@@ -45,20 +45,20 @@ Row = Sequence[Value]
 
 
 class DamageError(ValueError):
-    """Rows or pages of a session are not what was written."""
+    """Raised if rows or pages of a session differ from what was written."""
 
 
 class VersionError(ValueError):
-    """The file is of a later program."""
+    """Raised if the file was written by a later version of the program."""
 
 
 def checksum(table: str, row: Row) -> int:
-    """Return CRC-32 of the values of a row without its checksum, and without the number of a motion, which is its place only."""
+    """Return the CRC-32 of a row's values, without its checksum and a motion's number."""
     return zlib.crc32(packed_row(table, row))
 
 
 def packed_row(table: str, row: Row) -> bytes:
-    """Return the bytes that a checksum is of: the table, then kind, length and content of each value."""
+    """Return the bytes covered by a row's checksum: the table, then kind, length and content of each value."""
     parts = [f"{SCHEMA_VERSION} {table}".encode()]
     for value in row[1:] if table == "motions" else row:
         if isinstance(value, int):
@@ -70,12 +70,12 @@ def packed_row(table: str, row: Row) -> bytes:
 
 
 def sealed(table: str, row: Row) -> tuple[Value, ...]:
-    """Return a row as it is stored, with its checksum."""
+    """Return a row with its checksum appended, as it is stored."""
     return (*row, checksum(table, row))
 
 
 def create(connection: sqlite3.Connection, version: int = SCHEMA_VERSION) -> None:
-    """Make the tables."""
+    """Create the tables."""
     sums = version > PLAIN_VERSION
     for table, columns in TABLES.items():
         if table == "lost" and not sums:
@@ -97,7 +97,7 @@ def _schema(version: int) -> list[tuple[str | None, ...]]:
 
 
 def version_of(connection: sqlite3.Connection) -> int:
-    """Return the version of a file's tables; ValueError or sqlite3.Error unless it has them and nothing else."""
+    """Return the schema version of a file; ValueError or sqlite3.Error unless it has exactly the expected tables."""
     calls = iter(range(MAX_OPERATIONS // 100_000))
     connection.set_progress_handler(lambda: next(calls, None) is None, 100_000)
     program, version = (
@@ -116,9 +116,9 @@ def version_of(connection: sqlite3.Connection) -> int:
 
 
 def check_content(connection: sqlite3.Connection) -> None:
-    """ValueError or sqlite3.Error unless the rows are not too many, the pages sound, and the values of their types.
+    """Raise ValueError or sqlite3.Error if there are too many rows, or a page or value is invalid.
 
-    The check of the pages comes before that of the values: none is part of two things then, and what follows ends.
+    Pages are checked before values, so that the check of the values cannot run in circles.
     """
     for table in _tables(connection):
         query = f"SELECT count(*) FROM (SELECT 1 FROM {table} LIMIT {MAX_ROWS + 1})"
@@ -138,7 +138,7 @@ def _tables(connection: sqlite3.Connection) -> list[str]:
 
 
 def copy_rows(source: sqlite3.Connection, target: sqlite3.Connection) -> None:
-    """Put the rows of one file into the tables of another, as they are at one moment; sqlite3.Error, DamageError."""
+    """Copy a consistent snapshot of all rows into another file's tables. Raises sqlite3.Error, DamageError."""
     source.execute("BEGIN")
     try:
         plain = source.execute("PRAGMA user_version").fetchone()[0] == PLAIN_VERSION
@@ -150,7 +150,7 @@ def copy_rows(source: sqlite3.Connection, target: sqlite3.Connection) -> None:
 
 
 def put_rows(target: sqlite3.Connection, table: str, rows: Iterable[Row], known: str = "ABORT") -> None:
-    """Insert rows with their checksums; `known`: what SQLite is to do where there is one of the same key."""
+    """Insert rows with checksums; `known` is SQLite's conflict action for existing keys."""
     marks = ", ".join("?" * (TABLES[table].count(",") + 2))
     target.executemany(f"INSERT OR {known} INTO {table} VALUES ({marks})", rows)
 

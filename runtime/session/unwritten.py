@@ -40,7 +40,7 @@ REMEDY = "Move it away to open the session without its last changes."
 
 
 class ChangeLog:
-    """Has the methods of `Writer`, but only notes what is to be changed. Of the rows of a file it knows none."""
+    """Records the calls of `Writer` methods instead of making changes."""
 
     def __init__(self) -> None:
         self.changes: list[Change] = []
@@ -55,10 +55,10 @@ class ChangeLog:
 
 
 def keep(path: Path, changes: Sequence[Change], seconds: float) -> Path | None:
-    """Put changes where the next one that opens `path` finds them; the file that has them, or None.
+    """Store changes for the next process that opens `path`; return the file that holds them, or None.
 
-    The first place is next to the session, the other in the user's state folder, for a disk that is full or hangs. They are
-    not synced: this process ends, the system does not.
+    They go next to the session, or into the user's state folder if that disk is full or hangs. They are not synced,
+    since only this process ends.
     """
     text = json.dumps(changes, default=_as_json)
     content, until = zlib.compress(text.encode("ascii"), 1), time.monotonic() + seconds
@@ -94,7 +94,7 @@ def _write(file: Path, content: bytes, done: threading.Event) -> None:
 
 
 def read(path: Path) -> list[Change]:
-    """Return the changes that a session's file has not taken; FileError where they are damaged. Those of other users are left alone."""
+    """Return the stored changes of a session's file, ignoring those of other users; FileError if they are damaged."""
     files = [file for file in unwritten_files(path) if is_own(file)]
     changes: list[Change] = []
     for file in sorted(files, key=lambda file: file.stat().st_mtime):
@@ -119,7 +119,7 @@ def _change(value: Any) -> Change:
 
 
 def make(changes: Iterable[Change], connection: sqlite3.Connection) -> None:
-    """Make changes in a file; ValueError, sqlite3.Error."""
+    """Apply stored changes to a file. Raises ValueError, sqlite3.Error."""
     writer = Writer(connection, set())
     try:
         for name, values, named in changes:

@@ -16,9 +16,9 @@ MAX_BESIDE_M, MAX_DISTANCE_M, MAX_PITCH = 1000.0, 100.0, math.radians(89.0)
 
 @dataclass(frozen=True)
 class CameraKey:
-    """The view at a time of the take: direction (radians), distance (metres), and what it looks at next to the character.
+    """A camera key: time in the take, direction (radians), distance (metres), and the point that it looks at.
 
-    `x`, `y` and `z` are metres from a point over the ground under the hips, which the camera goes along with.
+    `x`, `y`, `z` (metres) are relative to a point above the ground under the hips, which the camera follows.
     """
 
     seconds: float
@@ -38,13 +38,13 @@ class CameraKey:
 
 
 def with_key(keys: Sequence[CameraKey], key: CameraKey, fps: float) -> tuple[CameraKey, ...]:
-    """Return the keys with another one, in the place of one at the same frame."""
+    """Return the keys with one added, replacing a key at the same frame."""
     kept = [k for k in keys if round(k.seconds * fps) != round(key.seconds * fps)]
     return tuple(sorted([*kept, key], key=lambda k: k.seconds))
 
 
 def view_at(keys: Sequence[CameraKey], seconds: float) -> CameraKey:
-    """Return the view at a time, on cubics through the keys that rest at the first and the last (Catmull and Rom 1974)."""
+    """Return the interpolated view at a time (Catmull-Rom spline, Catmull and Rom 1974; at rest at both ends)."""
     at = np.array([key.seconds for key in keys])
     values = np.array([astuple(key)[1:] for key in keys])
     values[:, 0] = np.unwrap(values[:, 0])

@@ -23,7 +23,7 @@ MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 
 
 @dataclass(frozen=True)
 class Clip:
-    """Poses of the SPORT skeleton at a fixed rate, as they were on the screen."""
+    """A recorded motion of the SPORT skeleton at a fixed frame rate."""
 
     name: str
     fps: float
@@ -58,17 +58,11 @@ class Clip:
 
     @property
     def arrays(self) -> tuple[Array, Array, Array]:
-        """The hips, local rotations and contacts."""
+        """Hips, local rotations and contacts."""
         return self.hips_positions, self.local_rotations, self.contacts
 
-    def move(self, hips_positions: Array, local_rotations: Array, contacts: Array) -> None:
-        """Hold equal arrays in place of its own, which are somewhere else in memory or in a file."""
-        object.__setattr__(self, "hips_positions", hips_positions)
-        object.__setattr__(self, "local_rotations", local_rotations)
-        object.__setattr__(self, "contacts", contacts)
-
     def posed(self, hips: Array, local: Array, contacts: Array | None = None) -> Clip:
-        """Return the clip with other hips `(T, 3)`, local rotations `(T, 31, 4)` and perhaps contacts `(T, 4)`, float32."""
+        """Return the clip with new hips `(T, 3)`, local rotations `(T, 31, 4)` and optionally contacts `(T, 4)`, float32."""
         return replace(
             self,
             hips_positions=np.asarray(hips, np.float32),
@@ -78,11 +72,11 @@ class Clip:
 
     @property
     def seconds(self) -> float:
-        """The time from the first frame to the last."""
+        """Duration from the first to the last frame, in seconds."""
         return (len(self) - 1) / self.fps
 
     def describe(self) -> str:
-        """Describe how the clip was made in some lines for a person; "" when nothing is known."""
+        """Return some lines for the user about how the clip was made; "" if nothing is known."""
         return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
 
     def pose(self, i: int, ground_m: float = 0.0) -> Pose:
@@ -99,7 +93,7 @@ class Clip:
         return SPORT_SKELETON.forward_kinematics(self.hips_positions, self.local_rotations)
 
     def trim(self, first: int, last: int) -> Clip:
-        """Return the frames `first` to `last` as a clip; UsageError where it has not these."""
+        """Return frames `first` to `last` as a clip; UsageError if they do not exist."""
         if not 0 <= first <= last < len(self):
             problem = f"trim {first} to {last}: the clip has frames 0 to {len(self) - 1}."
             raise UsageError(problem, "Choose others.")
@@ -114,7 +108,7 @@ class Clip:
         )
 
     def resampled(self, fps: float) -> Clip:
-        """Return the clip at another rate; UsageError for one that no clip has."""
+        """Return the clip at another frame rate; UsageError for an invalid rate."""
         if not 0.0 < fps <= MAX_FPS:
             raise UsageError(f"{fps} frames per second: expected 0 to {MAX_FPS:.0f}.", "Try 60 or 30.")
         if fps == self.fps:
@@ -172,7 +166,7 @@ def stacked(poses: Sequence[Pose]) -> tuple[Array, Array, Array]:
 
 
 def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:
-    """Return whether every frame can be shown: hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)`; nor NaN."""
+    """Return whether every frame of hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` is valid, without NaN."""
     norms = np.sqrt(np.einsum("...i,...i", rotations, rotations))
     return bool(
         (np.abs(hips) <= MAX_DISTANCE_M).all()
@@ -182,7 +176,7 @@ def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:
 
 
 def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:
-    """Return events seen from `start` on: the one in force there, and those within `length` seconds after it."""
+    """Return the events in force from `start` (seconds) on for a `length`, with times relative to the start."""
     before = [e for e in events if e.seconds <= start]
     within = [e for e in events if start < e.seconds <= start + length]
     kept = []

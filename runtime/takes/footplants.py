@@ -30,7 +30,7 @@ Frames = tuple[int, int]  # first, and the one after the last
 
 @dataclass(frozen=True)
 class FootplantEdit:
-    """A plant of foot 0 (left) or 1: `old` frames become `new`; without `old` it is added, without `new` removed."""
+    """An edit of a footplant of foot 0 (left) or 1: frames `old` become `new`; None for `old` adds it, None for `new` removes it."""
 
     foot: int
     old: Frames | None
@@ -38,20 +38,20 @@ class FootplantEdit:
 
 
 def footplants(contacts: Array) -> list[Frames]:
-    """Return the stretches of frames in which a heel or a toe of one foot bears: `contacts` `(T, 2)`."""
+    """Return the frame ranges in which heel or toe of one foot is planted, from contacts `(T, 2)`."""
     return stretches(np.any(np.asarray(contacts) > BEARING_CONTACT_THRESHOLD, axis=1))
 
 
 def stretches(flags: AnyArray) -> list[Frames]:
-    """Return the stretches of frames in which flags `(T,)` hold."""
+    """Return the frame ranges in which flags `(T,)` are true."""
     edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
 def fitted_footplant(known: Sequence[Frames], count: int, old: Frames | None, start: int, end: int) -> Frames:
-    """Return the frames nearest to `start` and `end` that a plant of a foot may have; UsageError where there is no room.
+    """Return the valid footplant nearest to frames `start` to `end`; UsageError if there is no room.
 
-    `known` are the plants of the foot in a clip of `count` frames, `old` that which is moved.
+    `known` are the foot's plants in a clip of `count` frames, `old` is the one that is moved.
     """
     others = [p for p in known if p != old]
     middle = (start + end) / 2 if old is None else (old[0] + old[1]) / 2
@@ -70,12 +70,12 @@ def fitted_footplant(known: Sequence[Frames], count: int, old: Frames | None, st
 
 
 def replanted(clip: Clip, edits: Sequence[FootplantEdit]) -> Clip:
-    """Change the plants of a clip, one edit after the other; edits that no longer fit it are left out."""
+    """Return the clip with footplant edits applied in order, skipping those that no longer fit."""
     return _each(clip, edits)[0]
 
 
 def unfitted(clip: Clip, edits: Sequence[FootplantEdit]) -> int:
-    """Count the edits that `replanted` leaves out since the take has other steps by now."""
+    """Return how many edits `replanted` skips because the steps of the take have changed."""
     return _each(clip, edits)[1]
 
 

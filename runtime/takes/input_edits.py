@@ -26,7 +26,7 @@ JUMP_FRAMES = 3  # as long as a key's press; the controller jumps on by itself
 
 @dataclass(frozen=True)
 class Edit:
-    """Changed inputs, and the first frame that may differ."""
+    """Edited inputs, and the first frame that may differ."""
 
     inputs: InputRecording
     first: int
@@ -34,7 +34,7 @@ class Edit:
 
 @dataclass(frozen=True)
 class Span:
-    """Frames `start` to `end` (not included)."""
+    """A range of frames from `start` up to, but not including, `end`."""
 
     start: int
     end: int
@@ -42,25 +42,25 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class PromptSpan(Span):
-    """A prompt and how long it holds; a slider's movement is one span of many changes."""
+    """A prompt with its duration; a slider's movement is one span of many changes."""
 
     changes: tuple[StyleChange, ...]
 
     @property
     def event(self) -> PromptEvent:
-        """The words that hold in the end."""
+        """The prompt in force at the end of the span."""
         return self.changes[-1].event
 
 
 @dataclass(frozen=True)
 class GaitSpan(Span):
-    """A gait that was requested; `Gait.STAND` where the stick rests."""
+    """A requested gait with its duration; `Gait.STAND` if the stick is at rest."""
 
     gait: int  # a `Gait`; -1 where it is not known
 
 
 def prompt_spans(inputs: InputRecording) -> list[PromptSpan]:
-    """Return the prompts of the clip from its first frame to its last."""
+    """Return the prompt spans of the clip, first to last."""
     groups: list[list[StyleChange]] = []
     for change in inputs.changes:
         if isinstance(change, StyleChange) and change.frame < len(inputs):
@@ -76,14 +76,14 @@ def prompt_spans(inputs: InputRecording) -> list[PromptSpan]:
 
 
 def gait_spans(gaits: NDArray[np.integer]) -> list[GaitSpan]:
-    """Return the runs of one gait number in `(T,)`."""
+    """Return the spans of equal gait numbers in `(T,)`."""
     return [GaitSpan(block.start, block.end, block.of) for block in _blocks(gaits)]
 
 
 def reworded(inputs: InputRecording, span: PromptSpan, style: StyleChange) -> Edit:
-    """Put another style in the place of a span's, from its first frame.
+    """Replace the style of a prompt span from its first frame on.
 
-    At the clip's start it is there at once: it comes into force before, in frames that the take does not show.
+    At the start of the clip the new style is in force at once: it blends in during hidden frames before.
     """
     if span.start > 0:
         return _with_styles(inputs, span.changes, [replace(style, frame=span.start)], span.start)
@@ -95,7 +95,7 @@ def reworded(inputs: InputRecording, span: PromptSpan, style: StyleChange) -> Ed
 
 
 def with_prompt(inputs: InputRecording, style: StyleChange) -> Edit:
-    """Insert a style, which holds from its frame to that of the next prompt."""
+    """Insert a style that lasts from its frame to the next prompt."""
     _check_frame(inputs, style.frame)
     for span in prompt_spans(inputs):
         if span.start == style.frame:
@@ -105,16 +105,16 @@ def with_prompt(inputs: InputRecording, style: StyleChange) -> Edit:
 
 @dataclass(frozen=True)
 class Block(Span):
-    """Frames `start` to `end` that have what span `of` has: of the track as it was, or of those laid over it."""
+    """A range of frames with the index `of` of the span that it belongs to, old spans first, then added ones."""
 
     of: int
 
 
 def laid(spans: Sequence[Span], gone: Sequence[int], put: Sequence[Span]) -> list[Block]:
-    """Return the blocks of a track that has no gaps, after an edit.
+    """Return the blocks of a gapless track after removing spans `gone` (indices) and laying spans `put` over it.
 
-    Spans `gone` (by their places) leave their frames to the span before, at the start to the one after. Spans `put` then
-    lie over what is there; they are numbered after those of the track. What is left of a span under them is no sliver.
+    Frames of removed spans go to the span before, at the start to the one after. Added spans are numbered after those
+    of the track. Remains too short to be useful are merged away.
     """
     frames = spans[-1].end
     owner = np.repeat(np.arange(len(spans)), [span.end - span.start for span in spans])
@@ -137,7 +137,7 @@ def _blocks(owner: NDArray[np.integer]) -> list[Block]:
 
 
 def prompts_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[PromptSpan]) -> Edit:
-    """Take prompts away and lay others over the rest, as `laid` says."""
+    """Remove prompts and lay others over the rest; see `laid`."""
     spans = prompt_spans(inputs)
     known, blocks = [*spans, *put], laid(spans, gone, put)
     new = _changes_of(blocks, known)
@@ -163,9 +163,9 @@ def _changes_of(blocks: Sequence[Block], known: Sequence[PromptSpan]) -> list[St
 
 
 def with_gait(inputs: InputRecording, first: int, last: int, gait: Gait) -> Edit:
-    """Request another gait in the frames `first` to `last`; a jump is pressed for `JUMP_FRAMES`.
+    """Request another gait in frames `first` to `last`; a jump is pressed for `JUMP_FRAMES`.
 
-    Where the stick rests, a gait to move in pushes it fully the way it pointed last; standing lets it go.
+    Where the stick is at rest, a moving gait pushes it fully in its last direction; standing releases it.
     """
     _check_frame(inputs, first)
     last = min(last, len(inputs) - 1)
@@ -182,7 +182,7 @@ def with_gait(inputs: InputRecording, first: int, last: int, gait: Gait) -> Edit
 
 
 def gaits_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[GaitSpan]) -> Edit:
-    """Take gaits away and lay others over the rest, as `laid` says."""
+    """Remove gaits and lay others over the rest; see `laid`."""
     now = inputs.gaits()
     spans = gait_spans(now)
     known, wanted = [*spans, *put], now.copy()

@@ -39,7 +39,7 @@ _NOWHERE = (math.nan, math.nan)
 
 @dataclass(frozen=True)
 class InputFrame:
-    """The request of one simulated step, and the settings that may change while it runs."""
+    """The controls of one simulated frame, and the settings that can change from frame to frame."""
 
     controls: Controls
     temperature: float
@@ -48,14 +48,14 @@ class InputFrame:
 
     @property
     def row(self) -> tuple[float, ...]:
-        """The frame as `COLUMNS` numbers."""
+        """Return the frame as `COLUMNS` numbers."""
         requested = self.controls
         facing = requested.facing or _NOWHERE
         return (*requested.move, *facing, int(requested.gait), self.temperature, self.strength, self.response)
 
 
 class InputFrames(Sequence[InputFrame]):
-    """The frames of a take; they do not change, and a part of them has the same memory."""
+    """The immutable input frames of a take; slices share memory."""
 
     def __init__(self, rows: NDArray[np.float64]) -> None:
         """Rows `(T, COLUMNS)` as `InputFrame.row` has them; they must not be changed later."""
@@ -89,14 +89,14 @@ class InputFrames(Sequence[InputFrame]):
         return InputFrames(np.concatenate([self.rows, later.rows]))
 
     def gaits(self) -> NDArray[np.int8]:
-        """Return the gait that each frame requested `(T,)`, as `metadata.gait_of` counts gaits."""
+        """Return the requested gait of each frame `(T,)`, numbered as by `metadata.gait_of`."""
         requested = self.rows[:, 4].astype(np.int8)
         moves = (self.rows[:, :2] != 0.0).any(axis=1)
         return np.where(moves | (requested == Gait.JUMP), requested, np.int8(Gait.STAND))
 
 
 def are_asked(rows: NDArray[np.float64]) -> bool:
-    """Return whether rows `(T, COLUMNS)` of a file are what a step can request."""
+    """Return whether rows `(T, COLUMNS)` from a file are valid input frames."""
     move, facing, gait, settings = rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 5:]
     turned = (np.abs(facing) <= MAX_STICK).all(axis=1) | np.isnan(facing).all(axis=1)
     return bool(
@@ -108,30 +108,30 @@ def are_asked(rows: NDArray[np.float64]) -> bool:
 
 
 class Steppable(Protocol):
-    """A controller to drive: `runtime.motion.controller.Controller`, or a stand-in whose state a snapshot takes."""
+    """Interface of a controller that can be resimulated: `runtime.motion.controller.Controller` or a test stand-in."""
 
     temperature: float
     strength: float
     response: float
 
     def step(self, controls: Controls) -> Pose:
-        """Simulate 1/60 s."""
+        """Simulate 1/60 s and return the pose."""
 
     def set_style(self, z: Any, transition_seconds: float) -> None:
-        """Blend to the style code `(6, 64)`, or to a mix of codes."""
+        """Blend to a style code `(6, 64)` or a mix of codes."""
 
     def set_terrain(self, terrain: Terrain) -> None:
-        """Walk on another ground."""
+        """Change the terrain."""
 
     def reset(self, x: float, z: float, yaw: float) -> Any:
-        """Stand at a place."""
+        """Place the character standing at x, z (metres), facing `yaw` (radians)."""
 
 
 @dataclass(frozen=True, eq=False)
 class StyleChange:
-    """From `frame` on the character blends to `z` `(6, 64)`, or to a mix, within `seconds`.
+    """A style change: from `frame` on the character blends to `z` `(6, 64)`, or to a mix, within `seconds`.
 
-    `event` says by which words; `note` is whatever the recording program keeps with them.
+    `event` holds the prompt; `note` is free for the recording program.
     """
 
     frame: int
@@ -146,7 +146,7 @@ class StyleChange:
 
 @dataclass(frozen=True, eq=False)
 class GroundChange:
-    """From `frame` on the character walks on another ground."""
+    """A change of the terrain, from `frame` on."""
 
     frame: int
     name: str  # or the path of its file
@@ -158,7 +158,7 @@ class GroundChange:
 
 @dataclass(frozen=True, eq=False)
 class Restart:
-    """Before `frame` the character was put to a place (metres, radians) and stood for a step that no take holds."""
+    """A reset of the character to a place (metres, radians) before `frame`; the hidden step there is in no take."""
 
     frame: int
     x: float
@@ -175,7 +175,7 @@ Change = StyleChange | GroundChange | Restart
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """The controller's state right before the step of `frame`, after the changes of that frame."""
+    """The controller's state before the step of `frame`, after that frame's changes."""
 
     frame: int
     snapshot: Snapshot
@@ -183,9 +183,9 @@ class Keyframe:
 
 @dataclass(frozen=True, eq=False)
 class InputRecording:
-    """Frames count from the clip's first one; what led to it has negative numbers.
+    """The input of a clip, with frames counted from the clip's first one; lead-in frames are negative.
 
-    `frames` begin with that of the first keyframe, at or before the clip's first one, and end with the clip's last.
+    `frames` start with the first keyframe, at or before the clip's start, and end with the clip.
     """
 
     frames: InputFrames
@@ -194,7 +194,7 @@ class InputRecording:
 
     @property
     def start(self) -> int:
-        """The number of the first frame, 0 or less."""
+        """Number of the first frame, 0 or less."""
         return self.keyframes[0].frame
 
     def __len__(self) -> int:
@@ -204,16 +204,16 @@ class InputRecording:
         return self.frames[number - self.start]
 
     def ground(self, number: int) -> GroundChange | None:
-        """Return the ground of a frame; None where it is the controller's own."""
+        """Return the terrain in force at a frame, or None for the controller's own."""
         found = [c for c in self.changes if isinstance(c, GroundChange) and c.frame <= number]
         return found[-1] if found else None
 
     def gaits(self) -> NDArray[np.int8]:
-        """Return the gait that each frame of the clip requested `(T,)`, as `gait_of` counts gaits."""
+        """Return the requested gait of each clip frame `(T,)`, numbered as by `gait_of`."""
         return self.frames[-self.start :].gaits()
 
     def prompts(self) -> tuple[PromptEvent, ...]:
-        """Return the clip's prompts with their times; of live changes in quick succession the last at the time of the first."""
+        """Return the clip's prompts with their times; changes by a moving slider count as one, the last, at the time of the first."""
         kept: list[tuple[int, PromptEvent]] = []
         for change in self.changes:
             if not isinstance(change, StyleChange):
@@ -232,10 +232,10 @@ def resimulate(
     last_frame: int | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[Pose], tuple[Keyframe, ...]]:
-    """Return poses of the frames `first_frame` to `last_frame` (the end by default), and its keyframes with new ones.
+    """Simulate frames `first_frame` to `last_frame` (default: the end) again; return the poses, and all keyframes with new ones.
 
-    Nothing of `inputs` may have been changed before `first_frame`. `controller` has the model of the take and is left
-    after the last frame. `progress` hears the fraction that is done. About 2 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
+    `inputs` must be unchanged before `first_frame`. `controller`, which needs the model of the take, is left after the last
+    frame. `progress` receives the fraction done. About 2 ms a frame, plus up to `KEYFRAME_STEPS` frames before the first.
     """
     end = len(inputs) if last_frame is None else last_frame + 1
     key = keyframe_for(inputs, first_frame).frame
@@ -253,10 +253,10 @@ def started(
     first_frame: int,
     stick: Callable[[int, Pose | None], Controls | None],
 ) -> tuple[list[Pose], tuple[Keyframe, ...]]:
-    """Return poses from `first_frame` on under a `stick`, until that gives None, and the keyframes.
+    """Simulate from `first_frame` on with a new `stick` until it returns None; return the poses and the keyframes.
 
-    `stick` gets the number of each frame and the pose before it, if that is of `first_frame` or later; before, the recorded
-    stick leads to `first_frame`. Settings and changes are those of the inputs, whose last settings hold on.
+    `stick` gets the number of each frame and the previous pose (None before `first_frame`). Before, the recorded stick
+    is used; other changes are those of the inputs, whose last settings stay in force.
     """
     key = keyframe_for(inputs, first_frame)
     ground = inputs.ground(key.frame)
@@ -299,7 +299,7 @@ def _changes_after(inputs: InputRecording, key: int, first_frame: int) -> dict[i
 
 
 def keyframe_for(inputs: InputRecording, frame: int) -> Keyframe:
-    """Return the last keyframe before a frame, or the first one of all."""
+    """Return the last keyframe before a frame, or the first of all."""
     before = [k for k in inputs.keyframes if k.frame < frame]
     return before[-1] if before else inputs.keyframes[0]
 
@@ -318,14 +318,14 @@ def resimulated_take(
     first_frame: int,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[Clip, InputRecording]:
-    """Return the take of edited inputs: frames before `first_frame` from `clip`, the rest by the recorded stick."""
+    """Return a take for edited inputs: frames before `first_frame` from `clip`, the rest resimulated."""
     poses, keyframes = resimulate(inputs, controller, first_frame, progress=progress)
     made = replace(inputs, keyframes=keyframes)
     return with_poses(clip, made, poses, first_frame), made
 
 
 def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_frame: int) -> Clip:
-    """Return the clip with other poses from `first_frame` on, and the prompts and gaits of their inputs; FileError."""
+    """Return the clip with new poses from `first_frame` on, and the prompts and gaits of the inputs. Raises FileError."""
     if poses:
         made = stacked(poses)
         if not are_poses(*made):  # a damaged state of a controller may lead anywhere
@@ -338,9 +338,9 @@ def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_
 
 
 class InputRecorder:
-    """Next to a `ClipRecorder`, with the same frame numbers: keeps what the kept frames were driven by.
+    """Records the input of every frame, in parallel to a `ClipRecorder` with the same frame numbers.
 
-    Per frame call `before_steps`, step, then `add` for each step; the marks in between, as things happen.
+    Per frame call `before_steps`, step, then `add` for each step; call the mark methods as things happen.
     """
 
     def __init__(self) -> None:
@@ -351,20 +351,20 @@ class InputRecorder:
 
     @property
     def next_frame(self) -> int:
-        """Number of the frame that comes next, counted since the program's start."""
+        """Number of the next frame, counted since the program's start."""
         return self._first + len(self._numbers) // COLUMNS
 
     def before_steps(self, controller: Steppable) -> None:
-        """Keep the state of `controller` when it is time."""
+        """Store the state of `controller` if a keyframe is due."""
         _keep_state(self._keyframes, self.next_frame, controller)
 
     def add(self, controls: Controls, controller: Steppable) -> None:
-        """Remember what one simulated step of `controller` requested."""
+        """Store the input of one simulated step."""
         frame = InputFrame(controls, controller.temperature, controller.strength, controller.response)
         self._numbers.extend(frame.row)
 
     def mark_style(self, style: StyleChange, holds: bool = False) -> None:
-        """Mark that a style came into force now, whatever its frame is; or it `holds` already in the controller's state."""
+        """Record that a style takes effect now, whatever its own frame; `holds` if it is in the controller's state already."""
         if holds:
             self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
         z = style.z if isinstance(style.z, StyleMix) else np.array(style.z, np.float32)
@@ -374,18 +374,18 @@ class InputRecorder:
         self._changes.append(GroundChange(self.next_frame, name, terrain))
 
     def mark_restart(self, x: float, z: float, yaw: float) -> None:
-        """Mark that the character was put to a place, see `Restart`."""
+        """Record that the character was placed; see `Restart`."""
         self._changes.append(Restart(self.next_frame, x, z, yaw))
 
     def forget(self) -> None:
-        """Forget all inputs, after what cannot be made again: takes that began before it cannot be resimulated."""
+        """Discard all inputs after something that cannot be resimulated; takes that began before it lose their input."""
         self._first = self.next_frame
         self._numbers = array("d")
         self._keyframes.clear()
         self._changes = self._still_holding(self._first)
 
     def drop_before(self, frame: int) -> None:
-        """Drop the inputs of frames before this number, which are no longer needed."""
+        """Discard the inputs of frames before this number."""
         popped = False
         while len(self._keyframes) > 1 and self._keyframes[1].frame <= frame:
             self._keyframes.popleft()
@@ -403,12 +403,12 @@ class InputRecorder:
 
     @property
     def known(self) -> tuple[Keyframe | None, Change | None]:
-        """The last keyframe and change: others than before when something happened but sticks."""
+        """Return the last keyframe and change; they differ from before if anything but the stick changed."""
         key = self._keyframes[-1] if self._keyframes else None
         return key, self._changes[-1] if self._changes else None
 
     def sticks(self, first_frame: int) -> NDArray[np.float64] | None:
-        """Return sticks and settings `(T, 8)` from `first_frame` to the newest; None where they are not known."""
+        """Return stick positions and settings `(T, 8)` from `first_frame` to the newest; None if unknown."""
         return None if first_frame < self._first else self._since(first_frame).rows
 
     def _since(self, number: int) -> InputFrames:
@@ -417,7 +417,7 @@ class InputRecorder:
         return InputFrames(numbers.reshape(-1, COLUMNS))
 
     def cut(self, first_frame: int) -> InputRecording | None:
-        """Return the inputs of a clip from `first_frame` to the newest; None when its state there is not known."""
+        """Return the inputs of a clip from `first_frame` to the newest; None if the state there is unknown."""
         keys = [k for k in self._keyframes if k.frame <= first_frame]
         if not keys or first_frame >= self.next_frame:
             return None

@@ -37,9 +37,9 @@ Grounds = tuple[Terrain, Terrain]  # of the first clip, on which the result walk
 
 
 def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
-    """Join two clips: the second one's first frame is the first one's last. UsageError for other sizes.
+    """Return two clips joined: the second is placed so that its first frame meets the first clip's last.
 
-    With `grounds` the second one's feet are as high over the first one's ground as they were over their own.
+    With `grounds`, the feet of the second clip keep their heights over the ground. Raises UsageError for different body sizes.
     """
     if first.size != second.size:
         raise UsageError("The takes are of bodies of different sizes.", "Join takes of one character.")
@@ -76,13 +76,13 @@ def _meet(first: Clip, second: Clip) -> bool:
 
 
 def repeated(clip: Clip, times: int, ground: Terrain | None = None) -> Clip:
-    """Return the clip so many times, each going on where the one before ends, on its `ground`."""
+    """Return the clip repeated, each repetition starting where the last one ends, on its `ground`."""
     grounds = None if ground is None else (ground, ground)
     return reduce(lambda before, again: joined(before, again, grounds), [clip] * times)
 
 
 def without(clip: Clip, first: int, last: int, ground: Terrain | None = None) -> Clip:
-    """Return the clip without the frames between `first` and `last`; UsageError where nothing is left."""
+    """Return the clip without the frames between `first` and `last`; UsageError if nothing would be left."""
     kept = [clip.trim(0, first)] if first > 0 else []
     kept += [clip.trim(last, len(clip) - 1)] if last < len(clip) - 1 else []
     if not kept:

@@ -23,7 +23,7 @@ POSE_AXES = ("x", "y", "z")
 
 
 class Channel(NamedTuple):
-    """One number of a curve."""
+    """One component of an animation curve."""
 
     curve: Curve
     joint: int  # of the skeleton; -1 of the camera
@@ -31,19 +31,19 @@ class Channel(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """The unit of its values."""
+        """The unit in which its values are shown."""
         if self.curve is Curve.CAMERA:
             return "°" if self.axis < 2 else "m"
         return "°" if self.curve is Curve.TURN else "cm"
 
     @property
     def factor(self) -> float:
-        """Values in its unit over those that the keys hold (radians, metres)."""
+        """Factor from the stored values (radians, metres) to the shown unit."""
         return {"°": math.degrees(1.0), "cm": 100.0, "m": 1.0}[self.unit]
 
 
 class CurveKey(NamedTuple):
-    """A key on a channel's curve, by its frame."""
+    """A key on a channel's curve, identified by its frame."""
 
     channel: Channel
     frame: int
@@ -51,7 +51,7 @@ class CurveKey(NamedTuple):
 
 @dataclass(frozen=True)
 class KeyedCurves:
-    """The pose layer and the camera keys of a take of `frames` frames at `fps` frames a second."""
+    """The pose layer and camera keys of a take, as curves; `frames` and `fps` are those of the take."""
 
     layer: PoseLayer
     cameras: tuple[CameraKey, ...]
@@ -59,7 +59,7 @@ class KeyedCurves:
     frames: int
 
     def channels(self) -> list[Channel]:
-        """Return every channel that has a key: joints in their order, then the camera."""
+        """Return every channel with a key: joints in order, then the camera."""
         joints = [(curve, joint) for curve in POSE_CURVES for joint in self.layer.joints(curve)]
         joints.sort(key=lambda each: each[1])
         found = [Channel(curve, joint, axis) for curve, joint in joints for axis in range(len(POSE_AXES))]
@@ -67,7 +67,7 @@ class KeyedCurves:
         return found + [Channel(Curve.CAMERA, -1, axis) for axis in axes]
 
     def keys(self, channel: Channel) -> dict[int, float]:
-        """Return the channel's keys: frame to value in its unit."""
+        """Return the channel's keys as frame to value, in its unit."""
         if channel.curve is Curve.CAMERA:
             values = [(key.seconds, astuple(key)[1 + channel.axis]) for key in self.cameras]
         else:
@@ -80,14 +80,14 @@ class KeyedCurves:
         return {self._frame(seconds): value * channel.factor for seconds, value in values}
 
     def values(self, channel: Channel, seconds: Array) -> Array:
-        """Return the curve at times `(T,)` in the channel's unit."""
+        """Return the curve's values at times `(T,)` in the channel's unit."""
         if channel.curve is Curve.CAMERA:
             views = [astuple(view_at(self.cameras, float(at)))[1 + channel.axis] for at in seconds]
             return channel.factor * np.array(views, np.float64)
         return channel.factor * self.layer.values(channel.curve, channel.joint, seconds)[:, channel.axis]
 
     def tangent(self, key: CurveKey) -> Tangent | None:
-        """Return how a pose key is passed; None of the camera, whose curves are always smooth."""
+        """Return the tangent mode of a pose key; None for the camera, whose curves are always smooth."""
         found = None if key.channel.curve is Curve.CAMERA else self.layer.key_at(key.frame, self.fps)
         return None if found is None else found.tangent
 
@@ -97,10 +97,10 @@ class KeyedCurves:
     # --- edits
 
     def moved(self, chosen: Collection[CurveKey], frames: int, by: Callable[[Channel], float]) -> KeyedCurves:
-        """Return the curves with keys moved by frames, and by a value in the unit of their channel.
+        """Return the curves with keys moved by `frames`, and by `by` in the unit of each channel.
 
-        In time a joint's three axes, and all numbers of the camera, go together. A key that comes to a frame of another key
-        of its curve takes its place. UsageError for values that no body or camera reaches.
+        A joint's three axes move together in time, as do all components of the camera. A moved key replaces a key at
+        its new frame. Raises UsageError for values out of range.
         """
         frames = self.bounded(chosen, frames)
         layer, cameras = self.layer, list(self.cameras)
@@ -119,7 +119,7 @@ class KeyedCurves:
         return replace(self, layer=layer, cameras=tuple(cameras))
 
     def removed(self, chosen: Collection[CurveKey]) -> KeyedCurves:
-        """Return the curves without keys: a joint loses all of its axes there, the camera its whole key."""
+        """Return the curves with keys removed: all axes of a joint's key, or the whole camera key."""
         layer, gone = self.layer, set[int]()
         for curve, joint, frame in _by_curve(chosen):
             if curve is Curve.CAMERA:
@@ -130,7 +130,7 @@ class KeyedCurves:
         return replace(self, layer=layer, cameras=kept)
 
     def inserted(self, channel: Channel, frame: int) -> KeyedCurves:
-        """Return the curves with a key on the curve of a channel as it runs at a frame."""
+        """Return the curves with a key inserted on a channel's curve at a frame, without changing its shape there."""
         seconds = frame / self.fps
         if channel.curve is Curve.CAMERA:
             return replace(self, cameras=with_key(self.cameras, view_at(self.cameras, seconds), self.fps))
@@ -140,7 +140,7 @@ class KeyedCurves:
         return replace(self, layer=self.layer.with_key(key, self.fps))
 
     def with_tangent(self, chosen: Collection[CurveKey], tangent: Tangent) -> KeyedCurves:
-        """Return the curves with pose keys passed in another way."""
+        """Return the curves with another tangent mode for pose keys."""
         layer = self.layer
         for curve, _, frame in _by_curve(chosen):
             key = None if curve is Curve.CAMERA else layer.key_at(frame, self.fps)
@@ -149,7 +149,7 @@ class KeyedCurves:
         return replace(self, layer=layer)
 
     def bounded(self, chosen: Collection[CurveKey], frames: int) -> int:
-        """Return how many of these frames all keys can go and stay within the take."""
+        """Return the frame offset limited so that all chosen keys stay within the take."""
         at = [key.frame for key in chosen] or [0]
         return max(min(frames, max(self.frames - 1 - max(at), 0)), -min(at))
 
@@ -191,7 +191,7 @@ def _by_curve(chosen: Collection[CurveKey]) -> dict[tuple[Curve, int, int], list
 
 
 def span_of(values: Sequence[float], least: float) -> tuple[float, float]:
-    """Return the lowest and highest value with a tenth around them, at least `least` apart."""
+    """Return the lowest and highest value with a margin of a tenth, at least `least` apart."""
     low, high = min(values, default=0.0), max(values, default=0.0)
     around = max(0.1 * (high - low), 0.5 * (least - (high - low)), 0.0)
     return low - around, high + around

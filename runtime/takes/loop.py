@@ -33,9 +33,9 @@ _REMEDY = "Record, or choose with --range, at least two full cycles of a steady 
 
 
 def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, RootTrack]:
-    """Return the best cycle of so many strides as a clip whose last frame is its first one moved along, with its root.
+    """Return the best cycle of `strides` strides as a clip that loops, and its root; the last frame continues into the first.
 
-    UsageError when there is no steady walk, or too little of it.
+    Raises UsageError if there is no steady walk, or too little of it.
     """
     first, last = find_cycle(clip, root, strides)
     cycle, track = clip.trim(first, last), root.cut(first, last)
@@ -52,9 +52,9 @@ def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, Root
 
 
 def find_cycle(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[int, int]:
-    """Find the first and last frame of the cycle whose ends are most alike; UsageError when the clip is too short or stands.
+    """Return the first and last frame of the cycle with the most similar ends; UsageError if the clip is too short or stands.
 
-    With several `strides` it lasts so many times as long as the best single one, within `NEAR_CYCLE_FACTOR`.
+    A cycle of several `strides` is that many times as long as the best single one, within `NEAR_CYCLE_FACTOR`.
     """
     least, most = (round(seconds * clip.fps) for seconds in (MIN_CYCLE_S, MAX_CYCLE_S))
     cycle = _best_cycle(clip, root, least, most, NEARLY_BEST_FACTOR)
@@ -103,7 +103,7 @@ def _shape(clip: Clip, root: RootTrack) -> Array:
 
 
 def seam_error(cycle: Clip, root: RootTrack) -> tuple[float, float]:
-    """Return the largest distance (metres) and angle (radians) of a joint between last and first frame, seen by the root."""
+    """Return the largest joint distance (metres) and angle (radians) between last and first frame, relative to the root."""
     positions, world = cycle.world()
     ends = [0, -1]
     seen = features.to_root(positions[ends] - root.positions[ends][:, None], root.yaw[ends][:, None])
@@ -113,7 +113,7 @@ def seam_error(cycle: Clip, root: RootTrack) -> tuple[float, float]:
 
 
 def seam_steps(cycle: Clip, root: RootTrack) -> tuple[float, float]:
-    """Return how much steps from frame to frame change over the seam, and at most inside: metres in the worst joint."""
+    """Return the largest jump of a joint's motion between frames (metres), at the seam and elsewhere in the cycle."""
     positions, _ = cycle.world()
     steps = np.diff(positions.astype(np.float64), axis=0)
     seen = features.to_root(steps, root.yaw[:-1, None])
@@ -126,8 +126,8 @@ def seam_steps(cycle: Clip, root: RootTrack) -> tuple[float, float]:
 def close_seam(cycle: Clip, root: RootTrack) -> Clip:
     """Return the cycle with its last frame made equal to its first.
 
-    What the ends differ by is added gradually: to the body over the whole cycle, to each foot only while it swings,
-    so that a foot on the ground keeps its place. The legs reach their feet by inverse kinematics.
+    The difference is spread over the cycle: for the body over all frames, for each foot only while it swings, so that a
+    foot on the ground keeps its place. The legs reach their feet by inverse kinematics.
     """
     hips, local = np.array(cycle.hips_positions, np.float64), np.array(cycle.local_rotations, np.float64)
     positions, world = cycle.world()
@@ -160,9 +160,9 @@ Pair = tuple[Array, Array]
 
 
 def led_legs(body: Pair, feet: Pair, old_body: Pair, old_feet: Pair) -> Array:
-    """Return local rotations whose legs reach `feet`: hips `(T, 3)` with rotations, ankles `(T, 2, 3)` with rotations.
+    """Return local rotations with legs that reach `feet`: hips `(T, 3)` with rotations, ankles `(T, 2, 3)` with rotations.
 
-    What the solver alone changes in the `old_body` with its `old_feet` is undone: it bends legs that are almost straight.
+    Changes that the solver makes even to the old pose are undone, since it bends almost straight legs.
     """
     solved, eased = solve_legs(*body, *feet), solve_legs(*old_body, *old_feet)
     change = rotations.multiply(rotations.inverse(eased[:, _LEGS]), old_body[1][:, _LEGS])

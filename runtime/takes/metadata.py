@@ -22,11 +22,10 @@ MAX_EVENTS = 10_000
 
 @dataclass(frozen=True)
 class PromptEvent:
-    """A prompt that came into force `seconds` after the clip's first frame (0 or earlier: it held from the start).
+    """A prompt that takes effect `seconds` after the clip's first frame (0 or less: it held from the start).
 
-    `words` are the six descriptions that it meant, or a blend of two times six, as `runtime.prompts.blend.read_words`
-    reads them; "" where they are not known. `typed` is what was typed where `prompt` is no longer that, as when a
-    part was edited afterwards.
+    `words` are its six descriptions, or a blend of two sets, in the format of `runtime.prompts.blend.read_words`; "" if
+    unknown. `typed` is the typed text if `prompt` differs, as after editing a part.
     """
 
     seconds: float
@@ -36,17 +35,17 @@ class PromptEvent:
     typed: str = ""
 
     def rewritten(self, change: Callable[[str], str]) -> PromptEvent:
-        """Return the event with its texts changed."""
+        """Return the event with all its texts changed by `change`."""
         prompt, words, typed = map(change, (self.prompt, self.words, self.typed))
         return replace(self, prompt=prompt, words=words, typed=typed)
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Model, seed and settings that a take was made with; empty or None where they are not known.
+    """The model, seed and settings that a take was made with; empty or None if unknown.
 
-    `model_sha256` is that of the step graph that ran. The seed belongs to a character's start at its place: a take
-    cut from a longer run needs the run from its start to be made again frame by frame.
+    `model_sha256` is the hash of the step graph. The seed applies to a character's start: to reproduce a take cut from
+    a longer run, simulate the run from its start.
     """
 
     model: str = ""
@@ -60,10 +59,10 @@ class Origin:
 
 @dataclass(frozen=True)
 class LoopReport:
-    """The cycle that was found: frames of the exported range, how far its ends were apart, and what is left.
+    """The cycle found: its frames in the exported range, the difference of its ends, and what remains at the seam.
 
-    `step_cm` is how much the steps from frame to frame before and after the seam differ in the worst joint, and
-    `usual_step_cm` the same, in its worst place, inside the cycle.
+    `step_cm` is how much the motion per frame changes across the seam in the worst joint, `usual_step_cm` the largest
+    such change inside the cycle.
     """
 
     first: int
@@ -77,7 +76,7 @@ class LoopReport:
     usual_step_cm: float
 
     def describe(self) -> str:
-        """Describe the loop in one line for the command and the status line."""
+        """Return one line about the loop, for the command and the status line."""
         return (
             f"loop of {self.seconds:.2f} s (frames {self.first} to {self.last}): the ends were {self.ends_cm:.1f} cm and"
             f" {self.ends_degrees:.1f} degrees apart, the seam is {self.seam_cm:.2f} cm and {self.seam_degrees:.2f}"
@@ -90,7 +89,7 @@ UNMOVED = (0.0, 0.0, 0.0, 0.0)  # a take that stands where it was made
 
 
 def origin_of(controller: Any, terrain: str) -> Origin:
-    """Return the origin of what `controller` makes on the ground `terrain`, without fields that a stand-in for it lacks."""
+    """Return the origin of motions made by `controller` on `terrain`; fields that a stand-in lacks are empty."""
     from runtime.terrain.library import TERRAIN_NAMES
 
     model = getattr(controller, "model", None)
@@ -106,19 +105,19 @@ def origin_of(controller: Any, terrain: str) -> Origin:
 
 
 def gait_of(controls: Controls) -> int:
-    """Return the gait that controls ask for: standing where the stick is at rest."""
+    """Return the gait requested by controls: standing if the stick is at rest."""
     return int(controls.gait if controls.gait == Gait.JUMP or any(controls.move) else Gait.STAND)
 
 
 def gait_seconds(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[str, float], ...]:
-    """Return seconds of each gait requested in frames `(T,)` of gait numbers; () where nothing is known of them."""
+    """Return the seconds of each requested gait, from gait numbers `(T,)`; () if they are unknown."""
     if gaits is None:
         return ()
     return tuple((gait.label, int(n) / fps) for gait in Gait if (n := np.count_nonzero(gaits == gait)))
 
 
 def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[float, str], ...]:
-    """Return the time at which each gait began to be asked for, and its name, from gait numbers `(T,)`, without unknown ones."""
+    """Return (time, name) of each change of the requested gait, from gait numbers `(T,)`, without unknown ones."""
     if gaits is None or len(gaits) == 0:
         return ()
     begins = np.concatenate([[0], np.flatnonzero(np.diff(gaits)) + 1])
@@ -127,7 +126,7 @@ def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[f
 
 
 def gait_numbers(changes: Sequence[tuple[float, str]], frames: int, fps: float) -> NDArray[np.int8] | None:
-    """Return gait numbers `(frames,)`, -1 before the first change; None without any. Inverse of `gait_changes`."""
+    """Return gait numbers `(frames,)`, -1 before the first change, or None without changes. Inverse of `gait_changes`."""
     if not changes:
         return None
     numbers = np.full(frames, -1, np.int8)
@@ -137,7 +136,7 @@ def gait_numbers(changes: Sequence[tuple[float, str]], frames: int, fps: float) 
 
 
 def title(event: PromptEvent) -> str:
-    """Return a prompt in at most 60 characters; "own words" for six descriptions, "(edited)" after their source."""
+    """Return a prompt's title of at most 60 characters: "own words" for six descriptions, "(edited)" after edited ones."""
     from runtime.prompts.blend import BlendedPrompt, read_words
     from runtime.prompts.parts import PartDescriptions
 
@@ -155,7 +154,7 @@ def title(event: PromptEvent) -> str:
 def describe(
     terrain: str, prompts: tuple[PromptEvent, ...], origin: Origin, gaits: Mapping[str, float]
 ) -> str:
-    """Describe in some lines for a person how a take was made; "" when nothing is known."""
+    """Return some lines for the user about how a take was made; "" if nothing is known."""
     shown = [f"{max(e.seconds, 0.0):.1f} s  {title(e)}" for e in prompts[:6]]
     if len(prompts) > 6:
         shown.append(f"and {len(prompts) - 6} more")
@@ -168,7 +167,7 @@ def describe(
 
 
 def event_from(value: dict[str, Any]) -> PromptEvent:
-    """Return an event of JSON that is not trusted; fields of another type have their defaults."""
+    """Read an event from untrusted JSON; fields of a wrong type get their defaults."""
     return PromptEvent(
         number_field(value, "seconds", 0.0),
         text_field(value, "prompt", ""),
@@ -188,7 +187,7 @@ def _words(value: Any) -> str:
 
 
 def origin_from(value: dict[str, Any]) -> Origin:
-    """Read an origin from JSON that is not trusted, each field by its type: text, whole number or number."""
+    """Read an origin from untrusted JSON; fields of a wrong type get their defaults."""
     found: dict[str, Any] = {}
     for field in fields(Origin):
         if isinstance(field.default, str):

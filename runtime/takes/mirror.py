@@ -14,9 +14,9 @@ _SIDES = re.compile(r"(?<![a-zA-Z])(left|right)(?![a-zA-Z])", re.IGNORECASE)
 
 
 def mirrored(clip: Clip) -> Clip:
-    """Reflect a clip through the vertical plane in which it begins to look, so that it begins at the same place.
+    """Return the clip mirrored at the vertical plane of its first facing direction, so that it starts at the same place.
 
-    It no longer goes over the ground that it was made on, where that is not level.
+    It no longer fits uneven ground.
     """
     x, _, z = (float(v) for v in clip.hips_positions[0])
     place = Placement(float(rotations.yaw_of(clip.local_rotations[0, 0])), (x, 0.0, z))
@@ -31,7 +31,7 @@ def mirrored(clip: Clip) -> Clip:
 
 
 def other_side(text: str) -> str:
-    """Exchange left and right in words."""
+    """Return the text with left and right swapped."""
 
     def other(found: re.Match[str]) -> str:
         word = "right" if found[0].lower() == "left" else "left"

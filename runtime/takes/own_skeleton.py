@@ -15,20 +15,20 @@ _REACH_M = 16.0  # of a point from the middle, in what is kept
 
 @dataclass(frozen=True, eq=False)
 class OwnSkeleton:
-    """Joints and the ends of bones `(T, K, 3)` float32 in metres, in the place and at the rate of the clip made of them."""
+    """The joint and bone-end positions `(T, K, 3)` float32 (metres) of the original skeleton of a retargeted clip, at its rate."""
 
     parents: tuple[int, ...]  # of each point the one before it, -1 where there is none
     points: Array
 
     def sample(self, frame: float) -> Array:
-        """Return the points `(K, 3)` at a time in frames, on straight lines from frame to frame."""
+        """Return the points `(K, 3)` at a fractional frame, interpolated linearly."""
         frame = min(max(frame, 0.0), len(self.points) - 1.0)
         first = int(frame)
         after = self.points[min(first + 1, len(self.points) - 1)]
         return np.asarray(self.points[first] + (frame - first) * (after - self.points[first]), np.float64)
 
     def packed(self) -> tuple[Array, bytes]:
-        """Pack the middle of the points `(T, 3)` float32, and the points about it as differences of whole steps over time."""
+        """Return the median point `(T, 3)` float32 and the points relative to it as quantised temporal differences."""
         middle = np.median(self.points, axis=1, keepdims=True).astype(np.float32)
         about = np.clip(self.points - middle, -_REACH_M, _REACH_M)
         steps = np.round(about / STEP_M).astype(np.int16)
@@ -36,7 +36,7 @@ class OwnSkeleton:
 
     @staticmethod
     def unpacked(parents: tuple[int, ...], middle: Array, data: bytes) -> OwnSkeleton:
-        """Unpack a skeleton; ValueError where the parts do not fit each other."""
+        """Return the skeleton that `packed` packed; ValueError if its parts do not fit each other."""
         frames, count = len(middle), len(parents)
         fits = 0 < count <= MAX_POINTS and len(data) == 2 * 3 * frames * count and frames > 0
         if not fits or any(not -1 <= parent < count for parent in parents) or not np.isfinite(middle).all():

@@ -51,20 +51,20 @@ class _Frames:
     contacts: Array
 
     def part(self, part: slice) -> _Frames:
-        """Return a copy of some frames, in which they are bent."""
+        """Return a copy of some frames, for editing."""
         return _Frames(self.hips[part].astype(float), self.local[part].astype(float), self.contacts[part])
 
     def world(self) -> World:
-        """Return positions and rotations of the joints."""
+        """Return world positions and rotations of the joints."""
         return SPORT_SKELETON.forward_kinematics(self.hips, self.local)
 
 
 def pinned(
     clip: Clip, pins: Sequence[Pin], begin_s: float = 0.0, pose_at: Callable[[float], Array] | None = None
 ) -> Clip:
-    """Return the clip with its poses bent to the pins, in their order: poses, feet, looks, then hands.
+    """Return the clip with pins applied: poses first, then feet, looks and hands.
 
-    It may be a part of a take that begins at `begin_s`, of which `pose_at` gives the local rotations at a time.
+    The clip may be part of a take, beginning at `begin_s`; `pose_at` gives the take's local rotations at a time.
     """
     made = _Frames(*(array.copy() for array in clip.arrays))
     seconds = begin_s + np.arange(len(clip)) / clip.fps
@@ -95,7 +95,7 @@ def pinned(
 def bent_pose(
     hips: Array, local: Array, contacts: Array, pins: Sequence[tuple[Pin, float]]
 ) -> tuple[Array, Array, Array]:
-    """Bend one pose, hips `(3,)`, local rotations `(31, 4)` and contacts `(4,)`, to pins with their weights, without poses."""
+    """Return a pose bent to pins with weights: hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`. Pose pins are ignored."""
     frames = _Frames(np.asarray(hips, float)[None], np.asarray(local, float)[None], np.array(contacts)[None])
     for pin, weight in sorted(pins, key=lambda entry: ORDER.index(entry[0].what)):
         if pin.what is not Pinned.POSE and weight > 0.0:
@@ -104,7 +104,7 @@ def bent_pose(
 
 
 def farthest(clip: Clip, pin: Pin) -> float:
-    """Return the distance (metres) of a hand or foot from its pin in the worst frame that it holds; 0 for others."""
+    """Return the largest distance (metres) of a hand or foot from its pin while it holds; 0 for other pins."""
     first, last = (min(max(round(at * clip.fps), 0), len(clip) - 1) for at in (pin.start, pin.end))
     if pin.what in (Pinned.POSE, Pinned.LOOK):
         return 0.0
@@ -115,7 +115,7 @@ def farthest(clip: Clip, pin: Pin) -> float:
 
 
 def point_of(what: Pinned, positions: Array, world: Array) -> Array:
-    """Return the point `(3,)` at which a pin holds a pose `(31, 3)`, `(31, 4)` as it is; of a look two metres ahead of the eyes."""
+    """Return the point `(3,)` at which a new pin holds this pose, `(31, 3)` and `(31, 4)`; for a look, two metres ahead of the eyes."""
     if what is Pinned.LOOK:
         return np.asarray(positions[HEAD] + 2.0 * rotations.rotate(world[HEAD], _FORWARD))
     joint = np.array(positions[_joint(what)], float)
@@ -123,7 +123,7 @@ def point_of(what: Pinned, positions: Array, world: Array) -> Array:
 
 
 def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
-    """Return the point of a pin with a character, and the end of its rail, in the world: `(..., 3)` each."""
+    """Return the world position of a pin's point, and of its rail's end if any, `(..., 3)` each."""
     points = [np.array(point, float) for point in (pin.point, pin.rail) if point is not None]
     if pin.along:
         turn = rotations.from_yaw(rotations.yaw_of(hips_rotation))
@@ -133,7 +133,7 @@ def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
 
 
 def along_with(point: Array, hips: Array, hips_rotation: Array) -> Array:
-    """Return a point of the world `(3,)` as a character sees it: left, up from its ground, ahead."""
+    """Return a world point `(3,)` relative to the character: left, up from its ground, ahead."""
     offset = np.asarray(point) - hips
     back = rotations.inverse(rotations.from_yaw(rotations.yaw_of(hips_rotation)))
     return np.asarray(rotations.rotate(back, offset) + np.array([0.0, REST_HIPS_HEIGHT, 0.0]))
@@ -290,7 +290,7 @@ def _step_on(
 
 
 def drop_to(hip: Array, ankle: Array) -> Array:
-    """Return the metres `(T,)` that hips sink so that a leg from `hip` to `ankle` `(T, 3)` is not quite straight; at most `MAX_DROP_M`."""
+    """Return how far (metres, `(T,)`, at most `MAX_DROP_M`) the hips sink so that a leg from `hip` to `ankle` `(T, 3)` stays bent."""
     across = np.sum((ankle - hip)[:, [0, 2]] ** 2, axis=-1)
     high = np.sqrt(np.maximum((EASY_LEG_FRACTION * LEG_M) ** 2 - across, (0.5 * LEG_M) ** 2))
     drop = np.asarray(_smooth_positive(hip[:, 1] - ankle[:, 1] - high, 0.005))

@@ -24,7 +24,7 @@ FORM = 'Write "left hand 0.3 1.1 0.4 from 2 to 4", "look 0 1.6 5 from 0 to 3" or
 
 
 class Pinned(StrEnum):
-    """The part of the body that a pin holds."""
+    """The body part held by a pin."""
 
     LEFT_HAND = "left hand"
     RIGHT_HAND = "right hand"
@@ -36,11 +36,11 @@ class Pinned(StrEnum):
 
 @dataclass(frozen=True)
 class Pin:
-    """A point that a part of the body reaches from `start` to `end` (seconds), eased in before and out after.
+    """A target point for a body part from `start` to `end` (seconds), eased in before and out after.
 
-    `point` is in metres of the clip's world: of a foot where its sole stands. With `rail` it is the place nearest to the shoulder
-    on the straight rail from `point` to `rail`. With `along` it goes with the character: metres to its left, up from
-    its ground, ahead. A pose is that of the time `of`.
+    `point` is in world metres; for a foot it is where the sole stands. With `rail` the target is the point nearest to
+    the shoulder on the line from `point` to `rail`. With `along` it moves with the character: metres to its left, up
+    from its ground, ahead. A pose pin holds the pose at the time `of`.
     """
 
     what: Pinned
@@ -67,14 +67,14 @@ class Pin:
             raise UsageError(problem, FORM)
 
     def weights(self, seconds: Array) -> Array:
-        """Return weights of the pin at times `(T,)`: 1 from `start` to `end`, smoothly to 0 within the eases."""
+        """Return the pin's weights at times `(T,)`: 1 from `start` to `end`, easing to 0 outside."""
         rise = smootherstep((seconds - (self.start - self.ease_in)) / max(self.ease_in, 1e-6))
         fall = smootherstep(((self.end + self.ease_out) - seconds) / max(self.ease_out, 1e-6))
         held = (seconds >= self.start - 1e-9) & (seconds <= self.end + 1e-9)
         return np.where(held, 1.0, np.where(seconds < self.start, rise, fall))
 
     def end_in(self, seconds: float) -> float:
-        """Return the time at which it ends in a clip of a length."""
+        """Return the end time of the pin in a clip of a given length."""
         return min(self.end, seconds)
 
 
@@ -88,7 +88,7 @@ _PIN = re.compile(
 
 
 def parse_pins(text: str) -> tuple[Pin, ...]:
-    """Parse pins, separated by semicolons; without times a pin holds from the first frame to the last. UsageError shows the form."""
+    """Parse pins separated by semicolons; without times a pin holds for the whole clip. UsageError shows the form."""
     entries = [entry.strip() for entry in text.split(";") if entry.strip()]
     if len(entries) > MAX_PINS:
         raise UsageError(f"{len(entries)} pins; expected at most {MAX_PINS}.", "Use fewer.")
@@ -123,12 +123,12 @@ def _point(text: str | None) -> tuple[float, float, float] | None:
 
 
 def held_pins(pins: Sequence[Pin]) -> tuple[Pin, ...]:
-    """Return the pins that hold until they are released."""
+    """Return the pins without an end time, which hold until they are released."""
     return tuple(pin for pin in pins if pin.end >= MAX_TIME_S)
 
 
 def released(pins: Sequence[Pin], what: Pinned, now: float) -> tuple[Pin, ...]:
-    """Let go of what a part holds; pins that ended before all that is in memory are forgotten."""
+    """Return the pins with those of a body part ended now; pins that ended before the recorder's memory are dropped."""
     return tuple(
         replace(pin, start=min(pin.start, now), end=now)
         if pin.what is what and pin.end >= MAX_TIME_S
@@ -139,7 +139,7 @@ def released(pins: Sequence[Pin], what: Pinned, now: float) -> tuple[Pin, ...]:
 
 
 def weights_at(pins: Sequence[Pin], now: float) -> list[tuple[Pin, float]]:
-    """Return the pins that bend the pose of a time with their weights; one held since an earlier run holds fully."""
+    """Return the pins in force at a time with their weights; a pin held since an earlier run has full weight."""
     found = []
     for pin in pins:
         earlier = pin.end >= MAX_TIME_S and pin.start > now + DEFAULT_EASE_S
@@ -150,7 +150,7 @@ def weights_at(pins: Sequence[Pin], now: float) -> list[tuple[Pin, float]]:
 
 
 def pins_of_take(pins: Sequence[Pin], first: float, length: float) -> tuple[Pin, ...]:
-    """Return the pins of a take that began at a time (seconds) and has a length, in its own time."""
+    """Return the pins of a take that starts at `first` (seconds) and lasts `length`, with times relative to it."""
     last, found = first + length, []
     for pin in pins:
         start = first if pin.end >= MAX_TIME_S and pin.start > last + DEFAULT_EASE_S else pin.start

@@ -14,7 +14,7 @@ from runtime.takes.pose_layer import NO_LAYER, PoseLayer, layered
 
 @dataclass(frozen=True)
 class PoseEdits:
-    """Edits in the order in which they are made to the clip."""
+    """The pose edits of a take, in the order in which they are applied: footplants, pose layer, pins."""
 
     pins: tuple[Pin, ...] = ()
     footplants: tuple[FootplantEdit, ...] = ()
@@ -24,14 +24,14 @@ class PoseEdits:
         return bool(self.pins or self.footplants or self.layer)
 
     def apply(self, clip: Clip) -> Clip:
-        """Return the clip as it is shown; the same object without edits."""
+        """Return the edited clip; the same object if there are no edits."""
         clip = self.below_layer(clip)
         if self.layer:
             clip = layered(clip, self.layer)
         return pinned(clip, self.pins) if self.pins else clip
 
     def frame(self, below: Clip, number: int) -> Clip:
-        """Make one frame of `apply` alone, from the motion that the pose layer adds to."""
+        """Return one edited frame, from the motion below the pose layer."""
 
         def shown(frame: int) -> Clip:
             return layered(below.trim(frame, frame), self.layer, frame / below.fps)
@@ -42,7 +42,7 @@ class PoseEdits:
         return pinned(shown(number), self.pins, number / below.fps, pose_at)
 
     def below_layer(self, clip: Clip) -> Clip:
-        """Return the motion that the pose layer adds to."""
+        """Return the motion below the pose layer: the clip with footplant edits."""
         return replanted(clip, self.footplants) if self.footplants else clip
 
 

@@ -37,7 +37,7 @@ REMEDY = "Undo, or delete the key and set it again."
 
 
 class Curve(StrEnum):
-    """The kind of thing that a curve moves."""
+    """The kind of an animation curve."""
 
     TURN = "turn"  # of a joint
     MOVE = "move"  # of hips or a foot
@@ -48,7 +48,7 @@ POSE_CURVES = (Curve.TURN, Curve.MOVE)
 
 
 class Tangent(StrEnum):
-    """A way in which a curve passes a key."""
+    """How a curve passes through a key."""
 
     SMOOTH = "smooth"  # without overshoot: flat where the curve turns back
     FLAT = "flat"
@@ -58,7 +58,7 @@ class Tangent(StrEnum):
 
 @dataclass(frozen=True)
 class JointValue:
-    """A rotation vector (radians, in the joint's own frame), or a shift (metres, to the left, up and ahead of the hips)."""
+    """A rotation vector (radians, in the joint's own frame) or an offset (metres: left, up, ahead of the hips) of a joint."""
 
     joint: int
     x: float
@@ -67,7 +67,7 @@ class JointValue:
 
     @property
     def vector(self) -> Array:
-        """The value `(3,)`."""
+        """The vector `(3,)`."""
         return np.array([self.x, self.y, self.z])
 
 
@@ -80,7 +80,7 @@ def _fit(values: Sequence[JointValue], joints: Collection[int], limit: float) ->
 
 @dataclass(frozen=True)
 class PoseKey:
-    """Turns and shifts that are added to the motion at a time; UsageError for values that no body reaches."""
+    """A key of the pose layer: rotations and offsets added to the motion at a time; UsageError for values out of range."""
 
     seconds: float
     turns: tuple[JointValue, ...] = ()
@@ -96,15 +96,15 @@ class PoseKey:
         return bool(self.turns or self.moves)
 
     def values(self, curve: Curve) -> tuple[JointValue, ...]:
-        """Return the turns, or the moves."""
+        """Return the rotations or the offsets of the key."""
         return self.turns if curve is Curve.TURN else self.moves
 
     def value(self, curve: Curve, joint: int) -> Array:
-        """Return the rotation vector or the shift `(3,)` of a joint; zeros where it has none."""
+        """Return the rotation vector or offset `(3,)` of a joint; zeros if it has none."""
         return next((value.vector for value in self.values(curve) if value.joint == joint), np.zeros(3))
 
     def with_value(self, curve: Curve, joint: int, vector: Array) -> PoseKey:
-        """Return the key with another turn or shift of a joint."""
+        """Return the key with a new rotation or offset of a joint."""
         x, y, z = (float(v) for v in vector)
         values = [*self.without(joint, (curve,)).values(curve), JointValue(joint, x, y, z)]
         return self._with(curve, sorted(values, key=lambda value: value.joint))
@@ -126,7 +126,7 @@ Point = tuple[PoseKey, Array]  # of a joint's curve: the key, and the value (3,)
 
 @dataclass(frozen=True)
 class PoseLayer:
-    """Keys in the order of their times. `keeps`: what the last key of a joint says holds to the end of the take."""
+    """The pose layer of a take: keys in order of time. `keeps`: the last key of a joint holds to the end of the take."""
 
     keys: tuple[PoseKey, ...] = ()
     ease_in: float = DEFAULT_EASE_S  # seconds
@@ -144,22 +144,22 @@ class PoseLayer:
         return bool(self.keys)
 
     def with_key(self, key: PoseKey, fps: float) -> PoseLayer:
-        """Return the layer with another key, in place of one at the same frame; UsageError for more than MAX_KEYS."""
+        """Return the layer with a key added, replacing one at the same frame; UsageError for more than MAX_KEYS."""
         kept = [k for k in self.keys if round(k.seconds * fps) != round(key.seconds * fps)]
         if len(kept) >= MAX_KEYS:
             raise UsageError(f"A pose layer of {MAX_KEYS} keys is full.", "Delete keys first.")
         return replace(self, keys=tuple(sorted([*kept, key], key=lambda k: k.seconds)))
 
     def key_at(self, frame: int, fps: float) -> PoseKey | None:
-        """Return the key at a frame."""
+        """Return the key at a frame, or None."""
         return next((key for key in self.keys if round(key.seconds * fps) == frame), None)
 
     def joints(self, curve: Curve) -> list[int]:
-        """Return the joints with a curve of turns or of moves."""
+        """Return the joints with a curve of this kind."""
         return sorted(self._points[curve])
 
     def values(self, curve: Curve, joint: int, seconds: Array) -> Array:
-        """Return the curve of a joint at times `(T,)`: rotation vectors, or shifts in metres, `(T, 3)`."""
+        """Return the curve of a joint at times `(T,)`: rotation vectors (radians) or offsets (metres), `(T, 3)`."""
         return self._between(self._points[curve].get(joint, []), seconds)
 
     @cached_property
@@ -172,7 +172,7 @@ class PoseLayer:
         return found
 
     def between(self, seconds: float) -> PoseKey:
-        """Return what the layer adds at a time, as a key."""
+        """Return the layer's interpolated values at a time, as a key."""
         key = PoseKey(seconds)
         for curve in POSE_CURVES:
             for joint in self.joints(curve):
@@ -180,7 +180,7 @@ class PoseLayer:
         return key
 
     def edited(self, frame: int, fps: float, change: Callable[[PoseKey], PoseKey]) -> PoseLayer:
-        """Return the layer with a key at a frame for what `change` makes of what is shown there; UsageError as of keys."""
+        """Return the layer with a key at a frame, made by `change` from the interpolated values there. Raises UsageError."""
         key = self.key_at(frame, fps) or PoseKey(frame / fps)
         shown = self.between(key.seconds)
         made = change(shown)
@@ -239,7 +239,7 @@ def _hermite(times: Array, values: Array, tangents: Sequence[Tangent], at: Array
 
 
 def layered(clip: Clip, layer: PoseLayer, begin_s: float = 0.0) -> Clip:
-    """Add a layer to a clip that begins at a time of its take; frames without any stay bit by bit as they were."""
+    """Return the clip with a layer added; `begin_s` is the clip's start in the take. Frames without values are bit-identical."""
     seconds = begin_s + np.arange(len(clip)) / clip.fps
     turns, moves = (
         {joint: layer.values(curve, joint, seconds) for joint in layer.joints(curve)} for curve in POSE_CURVES
@@ -259,9 +259,9 @@ def layered(clip: Clip, layer: PoseLayer, begin_s: float = 0.0) -> Clip:
 
 
 def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, Array]) -> tuple[Array, Array]:
-    """Return hips `(T, 3)` and local rotations `(T, 31, 4)` with turns and moves `(T, 3)` of joints added.
+    """Return hips `(T, 3)` and local rotations `(T, 31, 4)` with rotations and offsets `(T, 3)` of joints added.
 
-    Turns of the legs set where the feet and the planes of the knees are; then the hips go, and the legs follow to the feet.
+    Rotations of the legs set the places of the feet and the planes of the knees; then the hips move, and the legs reach the feet.
     """
     heading = rotations.from_yaw(rotations.yaw_of(local[:, HIPS]))
     made = local.copy()
@@ -286,14 +286,14 @@ def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, A
 
 
 def turned(key: PoseKey, joint: int, world: Array, turn: Array) -> PoseKey:
-    """Return the key with a joint turned further by a quaternion of the world `(4,)`."""
+    """Return the key with a joint rotated further by a world-space quaternion `(4,)`."""
     own = rotations.multiply(rotations.multiply(rotations.inverse(world[joint]), turn), world[joint])
     total = rotations.multiply(rotations.from_rotation_vector(key.value(Curve.TURN, joint)), own)
     return key.with_value(Curve.TURN, joint, rotations.to_rotation_vector(total))
 
 
 def posed_by(joint: int) -> tuple[int, ...]:
-    """Return the joints whose values `turned` and `dragged` change for a joint, itself first."""
+    """Return the joints whose values `turned` and `dragged` change when this joint is edited, itself first."""
     if joint in MOVED:
         return (joint,)
     limb = HANDS.get(joint) or (ELBOWS.get(joint) or KNEES.get(joint) or (SPORT_SKELETON.parents[joint],))[:1]
@@ -301,10 +301,10 @@ def posed_by(joint: int) -> tuple[int, ...]:
 
 
 def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array) -> PoseKey:
-    """Return the key with a joint moved further by metres of the world `(3,)`.
+    """Return the key with a joint dragged by a world-space vector `(3,)` in metres.
 
-    Hips and feet shift. An arm follows its hand, and an elbow or a knee swings about the line between the ends of its limb.
-    Any other joint swings about its parent.
+    Hips and feet are offset. A hand takes its arm along, an elbow or knee swings about the axis of its limb, and any
+    other joint swings about its parent.
     """
     if joint in MOVED:
         if joint != HIPS:
@@ -344,9 +344,9 @@ def _swing(start: Array, end: Array, joint: Array, goal: Array) -> Array:
 
 
 def pose_as_key(hips: Array, local: Array, below: Clip, frame: int) -> PoseKey:
-    """Return a key that brings a pose, hips `(3,)` and local rotations `(31, 4)`, onto a frame below the layer.
+    """Return a key that turns a frame below the layer into a pose, hips `(3,)` and local rotations `(31, 4)`.
 
-    The body keeps its place and its heading there.
+    Place and heading of the body are kept.
     """
     base_hips, base = below.hips_positions[frame].astype(float), below.local_rotations[frame].astype(float)
     wanted = np.array(local, float)
@@ -369,7 +369,7 @@ def pose_as_key(hips: Array, local: Array, below: Clip, frame: int) -> PoseKey:
 
 
 def mirrored_pose(local: Array) -> Array:
-    """Return local rotations `(31, 4)` of a pose with left and right exchanged, at the same heading."""
+    """Return the mirrored pose, local rotations `(31, 4)`, with the same heading."""
     yaw = rotations.yaw_of(local[HIPS])
     made = local[MIRROR_JOINTS] * np.array([1.0, 1.0, -1.0, -1.0])
     made[HIPS] = rotations.multiply(rotations.from_yaw(2.0 * yaw), made[HIPS])

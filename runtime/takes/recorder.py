@@ -19,7 +19,7 @@ LIVE_SECONDS = 0.1  # transition while a slider is dragged: set again in each fr
 
 
 class ClipRecorder:
-    """Always on: keeps the last `max_seconds`, so that a take can begin in the past, and the whole of a running take.
+    """Records continuously: keeps the last `max_seconds`, so that a take can begin in the past, and all of a running take.
 
     A take longer than `MAX_TAKE_SECONDS` keeps its last part. Frames are copied, so poses may be reused.
     """
@@ -37,31 +37,31 @@ class ClipRecorder:
 
     @property
     def recording(self) -> bool:
-        """Return whether a take is running."""
+        """Whether a take is running."""
         return self.take_first is not None
 
     @property
     def next_frame(self) -> int:
-        """Number of the frame that comes next, counted since the program's start."""
+        """Number of the next frame, counted since the program's start."""
         return self.first_frame + len(self._frames)
 
     @property
     def take_seconds(self) -> float:
-        """Length of the running take, 0 without one."""
+        """Length of the running take in seconds, 0 without one."""
         return 0.0 if self.take_first is None else (self.next_frame - self.take_first) / self.fps
 
     @property
     def seconds(self) -> float:
-        """The time that `last` can reach back."""
+        """How many seconds `last` can go back."""
         return len(self._frames) / self.fps
 
     def add(self, pose: Pose, gait: int = -1) -> None:
-        """Remember the pose of one simulated frame, and the gait that was requested (-1: not known)."""
+        """Store the pose of one simulated frame and its requested gait (-1: unknown)."""
         row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts, [gait]])
         self.add_row(row.astype(np.float32))
 
     def add_row(self, row: Array) -> None:
-        """Remember one frame as `(132,)` float32: hips, local rotations, contacts, gait. It must not be changed later."""
+        """Store one frame `(132,)` float32: hips, local rotations, contacts, gait. The array must not be changed later."""
         self._frames.append(row)
         keep = self._keep
         if self.take_first is not None:
@@ -75,9 +75,9 @@ class ClipRecorder:
     def mark_prompt(
         self, prompt: str, transition_seconds: float = 0.0, words: str = "", typed: str = ""
     ) -> None:
-        """Note that `prompt` holds from the next frame on; see `PromptEvent`.
+        """Record that `prompt` applies from the next frame on; see `PromptEvent`.
 
-        Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
+        Live changes within `LIVE_SECONDS` are merged into one, the last, at the time of the first.
         """
         event, frame = PromptEvent(0.0, prompt, transition_seconds, words, typed), self.next_frame
         if self._prompts and follows_live(self._prompts[-1], frame, transition_seconds, self.fps):
@@ -85,22 +85,22 @@ class ClipRecorder:
         self._prompts.append((frame, event))
 
     def rows(self, first: int) -> Array:
-        """Return frames `(T, 132)` from the number `first` to the newest."""
+        """Return frames `(T, 132)` from number `first` to the newest."""
         rows = list(islice(self._frames, first - self.first_frame, None))
         return np.stack(rows) if rows else np.zeros((0, 132), np.float32)
 
     def events(self, first: int) -> tuple[PromptEvent, ...]:
-        """Return the prompts of the frames from the number `first` on, by their times."""
+        """Return the prompt events from frame number `first` on, with times relative to it."""
         events = tuple(replace(event, seconds=(at - first) / self.fps) for at, event in self._prompts)
         return shift_prompts(events, 0.0, (self.next_frame - first) / self.fps)
 
     def start(self) -> None:
-        """Begin a take with the next frame; a running take goes on."""
+        """Begin a take with the next frame; no effect if one is running."""
         if self.take_first is None:
             self.take_first = self.next_frame
 
     def stop(self, name: str = "take", terrain: str = "flat", origin: Origin | None = None) -> Clip:
-        """End the take; UsageError when none is running or it has no frame yet."""
+        """End the take and return it; UsageError if none is running or it has no frame yet."""
         if self.take_first is None:
             raise UsageError("no take is running.", "Start recording first.")
         begin, self.take_first = self.take_first, None
@@ -109,7 +109,7 @@ class ClipRecorder:
     def last(
         self, seconds: float, name: str = "take", terrain: str = "flat", origin: Origin | None = None
     ) -> Clip:
-        """Return the last `seconds` (at most what is remembered) as a clip; a running take goes on."""
+        """Return the last `seconds`, as far as they are kept, as a clip; a running take continues."""
         count = max(1, round(seconds * self.fps))
         return self._clip(self.next_frame - count, name, terrain, origin)
 
@@ -134,9 +134,9 @@ class ClipRecorder:
 
 
 def follows_live(before: tuple[int, PromptEvent], frame: int, seconds: float, fps: float = FPS) -> bool:
-    """Return whether a style at a frame, with its transition, continues a slider's movement that `before` began at its own.
+    """Return whether a style change at `frame` continues the slider movement that began with `before`.
 
-    A transition of 0 seconds is that of the first style, which is there at once.
+    A transition of 0 seconds, that of the first style, never continues one.
     """
     begun, event = before
     live = all(0.0 < each <= LIVE_SECONDS for each in (event.transition_seconds, seconds))

@@ -46,7 +46,7 @@ FACING_SPEED_M_PER_S = 0.4  # slower, a body faces where the clip does
 
 @dataclass(frozen=True)
 class ClipRequests:
-    """The requests of a clip to a character in each of its frames, at `FPS`, after a straight lead-in of `LEAD_IN_FRAMES`."""
+    """What a clip requests of a character per frame, at `FPS`, after a straight lead-in of `LEAD_IN_FRAMES`."""
 
     path: Array  # (T, 2) metres, XZ
     velocity: Array  # (T, 2) m/s
@@ -56,7 +56,7 @@ class ClipRequests:
 
 
 def requests_of(clip: Clip) -> ClipRequests:
-    """Return what a clip at `FPS` asks of a character."""
+    """Return what a clip at `FPS` requests of a character: path, velocity, yaw, gaits and facing."""
     hips = clip.hips_positions.astype(np.float64)
     path = smooth(hips[:, [0, 2]], PATH_DEVIATION_FRAMES)
     velocity = np.gradient(path, axis=0) * FPS if len(path) > 1 else np.zeros_like(path)
@@ -102,7 +102,7 @@ def _gaits(clip: Clip, speed: Array) -> NDArray[np.int8]:
 
 
 def stick_of(requests: ClipRequests, frame: int, pose: Pose, full_speed: Callable[[Gait], float]) -> Controls:
-    """Return the stick of a frame (0 begins the lead-in) for a character whose pose was `pose` before."""
+    """Return the controls of a frame (0 begins the lead-in) for a character whose last pose was `pose`."""
     ahead = min(frame + round(LOOK_AHEAD_S * FPS), len(requests.path) - 1)
     gait = Gait(int(requests.gaits[min(frame + round(0.5 * LOOK_AHEAD_S * FPS), len(requests.gaits) - 1)]))
     facing = None
@@ -124,9 +124,9 @@ def restyled(
     style: StyleChange,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[Clip, InputRecording]:
-    """Return the clip walked by `controller` on its ground in a style, and the input that drove it.
+    """Return the clip resimulated by `controller` in a style on its terrain, and the input used.
 
-    It has as many seconds as the clip. SportError where the network fails.
+    It is as long as the clip. Raises SportError if the network fails.
     """
     source = clip.resampled(float(FPS))
     requests, recorder, terrain = requests_of(source), InputRecorder(), controller.terrain
@@ -164,14 +164,14 @@ def restyled(
 
 @dataclass(frozen=True)
 class PathError:
-    """The distance of a restyled clip from the one that led it."""
+    """Deviation of a restyled clip from its source, in path (metres) and time (seconds)."""
 
     path_m: float  # median distance of the hips to the path, both smoothed
     time_s: float  # median time by which the hips are early or late on it
 
 
 def path_error(made: Clip, led_by: Clip) -> PathError:
-    """Return how far a restyled clip keeps to the path of another and to its time."""
+    """Return how far a restyled clip deviates from its source in path and time."""
     path = requests_of(led_by.resampled(float(FPS))).path[LEAD_IN_FRAMES:]
     own = smooth(made.hips_positions[:, [0, 2]].astype(np.float64), PATH_DEVIATION_FRAMES)
     reach, away, late = round(1.5 * FPS), [], []

@@ -18,59 +18,59 @@ SMOOTHING_S = 0.3  # deviation of the Gaussian: steps and sway stay in the hips,
 
 @dataclass(frozen=True)
 class RootTrack:
-    """The root in each frame: `positions` `(T, 3)` metres on the ground, `yaw` `(T,)` radians without jumps."""
+    """Root positions `(T, 3)` on the ground (metres) and `yaw` `(T,)` in radians without jumps, per frame."""
 
     positions: Array
     yaw: Array
 
     def cut(self, first: int, last: int) -> RootTrack:
-        """Return the root in the frames `first` to `last`."""
+        """Return the root of frames `first` to `last`."""
         return RootTrack(self.positions[first : last + 1], self.yaw[first : last + 1])
 
     def moved(self, placement: Placement) -> RootTrack:
-        """Return the root put elsewhere."""
+        """Return the root transformed by a placement."""
         return RootTrack(placement.points(self.positions), self.yaw + placement.yaw)
 
 
 @dataclass(frozen=True)
 class Placement:
-    """A turn about +Y by `yaw`, then a shift by `offset` `(3,)`: how a take, and its ground, are put elsewhere."""
+    """A rotation about +Y by `yaw` (radians), then a translation by `offset` `(3,)`, which moves a take and its ground."""
 
     yaw: float = 0.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def identity(self) -> bool:
-        """Return whether it leaves everything in its place."""
+        """Whether it changes nothing."""
         return self == Placement()
 
     def points(self, points: Array) -> Array:
-        """Return points `(..., 3)` in their new place, float64."""
+        """Return points `(..., 3)` transformed, float64."""
         turned = rotations.rotate(rotations.from_yaw(self.yaw), np.asarray(points, np.float64))
         return turned + np.array(self.offset)
 
     def matrix(self) -> Array:
-        """Return the transform `(4, 4)` of points."""
+        """Return the transform as a matrix `(4, 4)`."""
         result = np.eye(4)
         result[:3, :3] = rotations.to_matrix(rotations.from_yaw(self.yaw))
         result[:3, 3] = self.offset
         return result
 
     def inverse(self) -> Placement:
-        """Return the placement that undoes this one."""
+        """Return the inverse transform."""
         turned = rotations.rotate(rotations.from_yaw(-self.yaw), np.array(self.offset))
         x, y, z = (0.0 - float(v) for v in turned)
         return Placement(-self.yaw, (x, y, z))
 
     def clip(self, clip: Clip) -> Clip:
-        """Return a clip put elsewhere."""
+        """Return a clip transformed."""
         local = np.array(clip.local_rotations, np.float64)
         local[:, 0] = rotations.multiply(rotations.from_yaw(self.yaw), local[:, 0])
         return clip.posed(self.points(clip.hips_positions), local)
 
 
 def root_track(clip: Clip, terrain: Terrain | None = None) -> RootTrack:
-    """Find the root of a clip: hips and heading, smoothed, on the `terrain`, or on the level of its lowest sole without one."""
+    """Return the root of a clip: smoothed hips and heading on the `terrain`, or else at the height of its lowest sole."""
     positions, _ = clip.world()
     hips = np.asarray(clip.hips_positions, np.float64)
     heading = np.unwrap(features.facing_yaw(positions).astype(np.float64))
@@ -86,7 +86,7 @@ def root_track(clip: Clip, terrain: Terrain | None = None) -> RootTrack:
 
 
 def smooth(values: Array, deviation: float) -> Array:
-    """Smooth values `(T, n)` by a Gaussian of a deviation in frames; the ends go on as they came, so that they are met."""
+    """Return values `(T, n)` smoothed by a Gaussian (standard deviation in frames); the first and last values are kept."""
     reach = min(round(3.0 * deviation), len(values) - 1)
     if reach < 1:
         return np.array(values, np.float64)

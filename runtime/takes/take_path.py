@@ -31,9 +31,9 @@ MOVED_M = 0.05  # less is standing
 
 
 def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
-    """Return the way of a clip as few points, each with the speed and gait of the leg that leads to it.
+    """Return the path of a clip as few waypoints, each with the speed and gait on the way to it.
 
-    UsageError where it goes nowhere.
+    Raises UsageError if the clip stays in place.
     """
     path = np.asarray(clip.hips_positions, float)[:, [0, 2]]
     corners = _corners(path)
@@ -62,7 +62,7 @@ def resimulated_along(
     first: int = 0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[Clip, InputRecording]:
-    """Resimulate a take along other points from frame `first` on, bit by bit as it was before; its length may change."""
+    """Resimulate a take along other waypoints from frame `first` on, bit-identical before; its length may change."""
     place = _place(clip.pose(max(first - 1, 0)))
     walk = PointPath(tuple(points)).walk_from(place)
     pose = clip.pose(max(first - 1, 0))

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 
 CELL_M = 0.05  # a riser is one cell wide
+ROUNDING_M = 1e-6  # of the grid's own numbers
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """Raised ground between `begin` and `end` (z, metres), `half_width` to each side of the way."""
+    """Raised ground between `begin` and `end` (z, metres), `half_width` to each side of the path."""
 
     begin: float
     end: float
@@ -26,10 +27,9 @@ class Obstacle:
     half_width: float
 
     def raised(self, x: Array, z: Array) -> NDArray[np.bool_]:
-        """Return which of the grid points x, z lie on the obstacle."""
-        slack = 1e-6  # of the grid's own rounding
-        within = (z >= self.begin - slack) & (z <= self.end + slack)
-        return within & (np.abs(x) <= self.half_width + slack)
+        """Return which grid points x, z lie on the obstacle."""
+        within = (z >= self.begin - ROUNDING_M) & (z <= self.end + ROUNDING_M)
+        return within & (np.abs(x) <= self.half_width + ROUNDING_M)
 
 
 BAR_M, WALL_M, HALF_WIDTH_M = 0.1, 1.0, 3.0  # thick, and half as wide as they reach across the way
@@ -60,7 +60,7 @@ BEAM_RAMP_M = 1.2  # at both of its ends
 
 
 def raise_obstacles(x: Array, z: Array, obstacles: Sequence[Obstacle]) -> Array:
-    """Heights of the grid points x, z."""
+    """Return the heights (metres) of obstacles at grid points x, z, 0 beside them."""
     heights = np.zeros_like(x)
     for obstacle in obstacles:
         heights = np.where(obstacle.raised(x, z), np.maximum(heights, obstacle.top), heights)
@@ -68,6 +68,6 @@ def raise_obstacles(x: Array, z: Array, obstacles: Sequence[Obstacle]) -> Array:
 
 
 def raise_beam(x: Array, z: Array) -> Array:
-    """Heights of the grid points x, z of the beam and its ramps."""
+    """Return the heights (metres) of the beam and its ramps at grid points x, z, 0 beside them."""
     ramp = np.clip(np.minimum(z - BEAM.begin, BEAM.end - z) / BEAM_RAMP_M, 0.0, 1.0)
-    return np.where(np.abs(x) <= BEAM.half_width + 1e-6, BEAM.top * ramp, 0.0)
+    return np.where(np.abs(x) <= BEAM.half_width + ROUNDING_M, BEAM.top * ramp, 0.0)

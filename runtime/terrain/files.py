@@ -29,10 +29,10 @@ CELL_RANGE_M = 0.005, 10.0
 
 
 def read_terrain(path: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -> Terrain:
-    """Terrain of a PNG, NPY or mesh file, centred on the origin.
+    """Read a terrain from a PNG, NPY or mesh file, centred on the origin.
 
-    PNG: grey, 16 or 8 bits, black is 0 and white is `height_m`; of colours their brightness counts, which the
-    terrain's note says; columns go along +X, rows along +Z, `cell_m` apart.
+    PNG: grey, 16 or 8 bits, black is 0 and white is `height_m`; colours count by brightness, which the terrain's note
+    says; columns go along +X, rows along +Z, `cell_m` apart.
     NPY: `(nx, nz)` heights; floats are metres, unsigned integers are scaled like a PNG.
     Mesh: metres, Y up; its highest surface is sampled every `cell_m`, gaps take its lowest height.
     """

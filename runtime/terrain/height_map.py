@@ -18,7 +18,7 @@ LAST_CELL_WIDTH = 1.000001  # from the number of a grid's points to the last pla
 
 @dataclass(frozen=True)
 class Terrain:
-    """A regular grid of heights in metres; outside the grid the nearest edge height goes on. TerrainError for another.
+    """A regular grid of heights in metres; outside it, heights continue from the nearest edge. TerrainError if invalid.
 
     `heights[i, j]` lies at x = origin_x + i * cell, z = origin_z + j * cell.
     """
@@ -47,14 +47,14 @@ class Terrain:
 
     @staticmethod
     def flat(name: str = "flat", size_m: float = 40.0, cell_m: float = 1.0) -> Terrain:
-        """A level square, centred on the origin."""
+        """Return level ground: a square centred on the origin."""
         n = round(size_m / cell_m) + 1
         return Terrain(name, np.zeros((n, n), np.float32), cell_m, (-size_m / 2, -size_m / 2))
 
     def seen_by(self, size: float) -> Terrain:
-        """The same ground in the lengths of a body `size` times as large as ours, for which our metre is `size` metres.
+        """Return the ground in the units of a body `size` times as large as ours, for which one unit is `size` metres.
 
-        What is simulated and drawn on it is a picture of the world at that scale; a ground seen so already is itself.
+        The simulation and the view then work in these units. Ground in these units already is returned unchanged.
         """
         if size == self.unit_m:
             return self
@@ -65,19 +65,19 @@ class Terrain:
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """min x, min z, max x, max z in metres."""
+        """(min x, min z, max x, max z) in metres."""
         nx, nz = self.heights.shape
         x, z = self.origin
         return x, z, x + (nx - 1) * self.cell_m, z + (nz - 1) * self.cell_m
 
     @cached_property
     def steepest(self) -> float:
-        """The steepest slope anywhere, rise over run: of a bilinear surface no more than those of its cells' edges together."""
+        """An upper bound of the slope anywhere, rise over run."""
         rises = (float(np.abs(np.diff(self.heights, axis=axis)).max()) for axis in (0, 1))
         return math.hypot(*rises) / self.cell_m
 
     def height(self, x: Array | float, z: Array | float) -> Array:
-        """Bilinear height in metres at x, z (any equal shapes)."""
+        """Return the bilinear height (metres) at x, z (any equal shapes)."""
         nx, nz = self.heights.shape
         if self.steepest == 0.0 and np.isfinite(place := np.add(x, z)).all():
             return np.full(place.shape, self.heights[0, 0], np.float32)
@@ -101,7 +101,7 @@ class Terrain:
         return np.asarray(low * (1 - fv) + high * fv, np.float32)
 
     def normal(self, x: Array | float, z: Array | float, reach_m: float = 0.05) -> Array:
-        """Unit upward normals `(..., 3)` from central differences over ± `reach_m`."""
+        """Return unit upward normals `(..., 3)` from central differences over ± `reach_m`."""
         x, z = np.asarray(x), np.asarray(z)
         dx = (self.height(x + reach_m, z) - self.height(x - reach_m, z)) / (2 * reach_m)
         dz = (self.height(x, z + reach_m) - self.height(x, z - reach_m)) / (2 * reach_m)
@@ -110,7 +110,7 @@ class Terrain:
 
 
 class PointHeights:
-    """Heights of one terrain, without the overhead of arrays, none under `lowest` or over `highest` (metres)."""
+    """Fast heights of single points of a terrain; heights outside `lowest` to `highest` (metres) are clamped."""
 
     def __init__(self, terrain: Terrain, lowest: float = -inf, highest: float = inf) -> None:
         self.steepest = terrain.steepest

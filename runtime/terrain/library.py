@@ -48,7 +48,7 @@ BAND_WIDTH, LOW_BAND_WIDTH = 0.35, 0.4  # of the noise's spectrum, times the fre
 
 
 def make_terrain(name: str, seed: int = 0) -> Terrain:
-    """The generated terrain `name`; the same name and seed give the same heights. TerrainError lists the names."""
+    """Return the generated terrain `name`; equal names and seeds give equal heights. TerrainError lists the names."""
     if name not in TERRAIN_NAMES:
         raise TerrainError(
             f"terrain '{name[:80]}': there is no such terrain.",
@@ -58,10 +58,10 @@ def make_terrain(name: str, seed: int = 0) -> Terrain:
 
 
 def load_terrain(spec: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -> Terrain:
-    """Terrain from a name of `TERRAIN_NAMES`, a height map (16-bit PNG, NPY) or a mesh file.
+    """Return a terrain by a name of `TERRAIN_NAMES`, or from a height map (16-bit PNG, NPY) or mesh file.
 
-    `cell_m` is the distance of neighbouring samples, `height_m` the height of a white pixel (see `terrain_files`).
-    TerrainError or FileError name the file, what was expected and the remedy.
+    `cell_m` is the distance between samples, `height_m` the height of a white pixel (see `terrain_files`). TerrainError
+    or FileError name the file, what was expected and the remedy.
     """
     from runtime.terrain import files as terrain_files
 

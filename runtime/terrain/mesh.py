@@ -23,13 +23,16 @@ MAX_TRIANGLES = 500_000
 MAX_VERTICES = 3 * MAX_TRIANGLES
 MAX_COVERED_CELLS = 3 * MAX_SIDE * MAX_SIDE  # of the rectangles around all triangles
 MAX_COORDINATE_M = 1e6
+ROUNDING_FRACTION = 1e-6  # of a cell: a mesh that ends so far behind a sample ends at it
+EDGE_TOLERANCE = 1e-9  # of cells and of triangles: what is on an edge is inside
+STL_HEAD_BYTES, STL_TRIANGLE_BYTES = 84, 50
 _SMALL = 64  # cells of a rectangle that is rasterised together with others
 _AT_ONCE = 1 << 15  # cells, so that what is computed of them stays in the processor's cache
 _REMEDY = "Export the ground as one OBJ or PLY in metres, Y up."
 
 
 def read_mesh(path: Path, cell_m: float) -> tuple[Array, tuple[float, float]]:
-    """Heights of the mesh's highest surface every `cell_m`, and x, z of the first sample; FileError says what is wrong."""
+    """Return the mesh's highest surface sampled every `cell_m`, and x, z of the first sample; FileError says what is wrong."""
     try:
         with np.errstate(all="ignore"):
             vertices, faces = _geometry(path)
@@ -41,7 +44,7 @@ def read_mesh(path: Path, cell_m: float) -> tuple[Array, tuple[float, float]]:
         ) from error
     _check(path, vertices, faces)
     low, high = vertices[:, [0, 2]].min(0), vertices[:, [0, 2]].max(0)
-    shape = np.ceil((high - low) / cell_m - 1e-6).astype(int) + 1
+    shape = np.ceil((high - low) / cell_m - ROUNDING_FRACTION).astype(int) + 1
     if shape.max() > MAX_SIDE or shape.min() < 2:
         size = f"{high[0] - low[0]:.2f} x {high[1] - low[1]:.2f} m"
         raise FileError(
@@ -99,7 +102,8 @@ def _trimesh_geometry(path: Path, kind: str, data: bytes) -> tuple[Array, NDArra
     import trimesh
 
     binary = kind == ".ply" or (
-        kind == ".stl" and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
+        kind == ".stl"
+        and len(data) == STL_HEAD_BYTES + STL_TRIANGLE_BYTES * int.from_bytes(data[80:84], "little")
     )
     if kind == ".ply":
         end = data.find(b"end_header")
@@ -194,13 +198,13 @@ def _gltf_primitives(path: Path, file: Any, world: Array) -> Iterator[tuple[Arra
 def _rectangles(triangles: Array, shape: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """First grid point `(n, 2)` and size `(n, 2)` of the rectangle of grid points under each triangle."""
     xz = triangles[..., [0, 2]]
-    first = np.maximum(np.ceil(xz.min(1) - 1e-9).astype(np.int64), 0)
-    last = np.minimum(np.floor(xz.max(1) + 1e-9).astype(np.int64), np.array(shape) - 1)
+    first = np.maximum(np.ceil(xz.min(1) - EDGE_TOLERANCE).astype(np.int64), 0)
+    last = np.minimum(np.floor(xz.max(1) + EDGE_TOLERANCE).astype(np.int64), np.array(shape) - 1)
     return first, np.maximum(last - first + 1, 0)
 
 
 def rasterise(triangles: Array, shape: tuple[int, int]) -> Array:
-    """Highest y of triangles `(n, 3, 3)` over each grid point (x, z in cells) of `shape`; gaps take the lowest y."""
+    """Return the highest y of triangles `(n, 3, 3)` at each grid point (x, z in cells) of `shape`; gaps take the lowest y."""
     heights = np.full(shape, -np.inf)
     first, size = _rectangles(triangles, shape)
     cells = np.prod(size, axis=1)
@@ -231,5 +235,5 @@ def _surface(triangles: Array, area: Array, k: Any, i: Array, j: Array) -> Array
     dx, dz = i - a[..., 0], j - a[..., 2]
     u = (dx * edge2[..., 2] - dz * edge2[..., 0]) / area[k]
     v = (dz * edge1[..., 0] - dx * edge1[..., 2]) / area[k]
-    inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
+    inside = (u >= -EDGE_TOLERANCE) & (v >= -EDGE_TOLERANCE) & (u + v <= 1 + EDGE_TOLERANCE)
     return np.where(inside, a[..., 1] + u * edge1[..., 1] + v * edge2[..., 1], -np.inf)

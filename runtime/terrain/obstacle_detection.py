@@ -29,7 +29,7 @@ GAP_RETURN_M = 0.5  # and no lower than this
 
 
 class ObstacleKind(Enum):
-    """What a traversal has to do."""
+    """The kind of an obstacle."""
 
     BAR = "bar"
     GAP = "gap"
@@ -39,7 +39,7 @@ class ObstacleKind(Enum):
 
 @dataclass(frozen=True)
 class ObstacleAhead:
-    """An obstacle on a path: distances (m) from the observer along it, heights (m) over the ground just before it."""
+    """An obstacle on a path: distances (m) along the path, heights (m) relative to the ground just before it."""
 
     kind: ObstacleKind
     near: float  # its first edge
@@ -51,7 +51,7 @@ class ObstacleAhead:
 
     @property
     def size(self) -> float:
-        """Metres: the length of a gap, the height of all else."""
+        """Size in metres: the length of a gap, the height of any other obstacle."""
         return self.far - self.near if self.kind is ObstacleKind.GAP else abs(self.top)
 
 
@@ -60,8 +60,8 @@ def obstacle_ahead(
 ) -> ObstacleAhead | None:
     """Return the first obstacle whose near edge lies within `reach_m` of x, z, or None.
 
-    `direction` `(2,)` is a unit vector in XZ. Steps and gaps under `STEP_M`, slopes and bars under `EDGE_M` do not count,
-    nor does the far side of a bar that is being stepped over.
+    `direction` `(2,)` is a unit vector in XZ. Ignored are steps and gaps under `STEP_M`, slopes, bars under `EDGE_M`,
+    and the far side of a bar that is being stepped over.
     """
     along = np.arange(0.0, reach_m + BEHIND_M, SPACING_M)
     across = np.array(SIDES_M)[:, None]  # to the left is (z, -x) of the direction

@@ -47,7 +47,7 @@ _BODY_RINGS = BODY_RADIUS_M * np.concatenate([0.5 * _AROUND, _AROUND])
 
 
 def has_walls(terrain: Terrain) -> bool:
-    """Return whether the ground is anywhere so steep that a body may lack room."""
+    """Return whether the ground is steep enough somewhere to obstruct a body."""
     return terrain.steepest * REACH_M > RISE_M
 
 
@@ -58,7 +58,7 @@ def _rises(terrain: Terrain, place: Array, offsets: Array) -> Array:
 
 
 def blocked_by_walls(terrain: Terrain, place: Array, velocity: Array) -> Array:
-    """Return the root's velocity `(2,)` (m/s) at `place` (XZ), or zero where it leads the body into a wall."""
+    """Return the root's velocity `(2,)` (m/s) at `place` (XZ), or zero if it leads the body into a wall."""
     speed = float(np.hypot(*velocity))
     if speed < MIN_SPEED_M_PER_S:
         return velocity
@@ -67,9 +67,9 @@ def blocked_by_walls(terrain: Terrain, place: Array, velocity: Array) -> Array:
 
 
 def drift_from_walls(terrain: Terrain, place: Array, velocity: Array) -> Array:
-    """Return the root's velocity `(2,)` (m/s) at `place` (XZ): out of a wall that the body is in, else `blocked_by_walls`.
+    """Return the root's velocity `(2,)` (m/s) at `place` (XZ): out of a wall if the body is in one, else `blocked_by_walls`.
 
-    A change of ground, a jump or a turn near a wall can leave a body inside one.
+    A change of terrain, a jump or a turn near a wall can leave a body inside one.
     """
     if _free(terrain, place):
         return blocked_by_walls(terrain, place, velocity)
@@ -97,8 +97,8 @@ def can_land(
 ) -> bool:
     """Return whether a leap from `place` in the unit direction `way` has room to land behind the edge `edge_m` away.
 
-    `rise_m` is the landing's height over `place`. The last `flight_m` before the edge are flown over: as far as arms reach,
-    nothing there is higher than `over_m`.
+    `rise_m` is the landing's height over `place`. The last `flight_m` before the edge are in flight: within arm's
+    reach, nothing there may be higher than `over_m`.
     """
     feet, edge = LANDING_WIDTHS_M, edge_m
     landing = _strip_rises(terrain, place, way, edge + np.array(LANDING_DISTANCES_M), feet)
@@ -119,7 +119,7 @@ def _strip_rises(terrain: Terrain, place: Array, way: Array, along: Array, sides
 def can_climb(terrain: Terrain, place: Array, way: Array, edge_m: float, rise_m: float) -> bool:
     """Return whether a body has room to climb from `place` in the direction `way` over the edge `edge_m` away.
 
-    Behind it the ground is level and `rise_m` higher (negative is lower).
+    Behind it the ground must be level and `rise_m` higher (negative: lower).
     """
     before = np.arange(0.0, edge_m - CLIMB_EDGE_M, CLIMB_SPACING_M)
     behind = edge_m + np.arange(CLIMB_FOOT_M, CLIMB_LENGTH_M, CLIMB_SPACING_M)
@@ -133,7 +133,7 @@ def can_climb(terrain: Terrain, place: Array, way: Array, edge_m: float, rise_m:
 
 
 def can_stand(terrain: Terrain, place: Array) -> bool:
-    """Return whether a body has room at `place` (XZ): no wall in reach, no needle, no cliff's face."""
+    """Return whether a body has room at `place` (XZ): no wall within reach, and no spike or cliff face underfoot."""
     if not has_walls(terrain):
         return True
     free = (_rises(terrain, place, _RING) <= _RING_RISE).all()
@@ -141,7 +141,7 @@ def can_stand(terrain: Terrain, place: Array) -> bool:
 
 
 def nearest_place(terrain: Terrain, x: float, z: float) -> tuple[float, float]:
-    """Return the nearest place to x, z where a body has room, or x, z itself if none is within `MAX_PLACE_DISTANCE_M`."""
+    """Return the nearest place to x, z with room for a body, or x, z itself if there is none within `MAX_PLACE_DISTANCE_M`."""
     place = np.array([x, z])
     if can_stand(terrain, place):
         return x, z

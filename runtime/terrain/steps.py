@@ -18,9 +18,9 @@ FARTHEST_LOOK_M = 10.0  # however fast a damaged network makes the root
 
 
 def step_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: float) -> tuple[float, float]:
-    """Return the distance (m) to the first step over `HIGHEST_STEP_M` from x, z, and its rise (m, negative is down).
+    """Return the distance (m) to the first step over `HIGHEST_STEP_M` from x, z, and its rise (m, negative: down).
 
-    `direction` `(2,)` is a unit vector in XZ. Infinity and 0 where there is none within `reach_m`.
+    `direction` `(2,)` is a unit vector in XZ. Returns infinity and 0 if there is none within `reach_m`.
     """
     reach_m = min(reach_m, FARTHEST_LOOK_M)
     along = np.arange(0.0, reach_m + STEP_RUN_M + STEP_SPACING_M, STEP_SPACING_M)
@@ -45,9 +45,9 @@ def step_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: 
 def level_ahead(
     terrain: Terrain, places: Array, directions: Array, reach_m: Array, rise_m: float = _SURELY_NO_STEP_M
 ) -> NDArray[np.bool_]:
-    """Return, for each of N characters, whether the strip ahead of it differs in height by less than `rise_m`.
+    """Return, for each of N characters, whether the heights of the strip ahead differ by less than `rise_m`.
 
-    `places` and `directions` `(N, 2)` in XZ, `reach_m` `(N,)` metres. One call for all is much faster than looking for steps.
+    `places` and `directions` `(N, 2)` in XZ, `reach_m` `(N,)` metres. One call for all is much faster than `step_ahead` for each.
     """
     farthest = min(float(reach_m.max()), FARTHEST_LOOK_M) + STEP_RUN_M + STEP_SPACING_M
     along = np.arange(0.0, farthest, min(max(terrain.cell_m, FINEST_SPACING_M), STEP_SPACING_M))
@@ -58,10 +58,10 @@ def level_ahead(
 
 
 def within_steps(heights: Array, present: int) -> Array:
-    """Return heights `(N, 12, 3)` of trajectory samples without steps over `HIGHEST_STEP_M`.
+    """Return heights `(N, 12, 3)` of trajectory samples with steps over `HIGHEST_STEP_M` removed.
 
-    Ground behind such a step counts as high as that before it, seen from sample `present`: nobody lifts a knee for it.
-    No height differs from the present one by more than `HIGHEST_STEP_M`.
+    Ground behind such a step, seen from sample `present`, gets the height before it, so that the network does not raise
+    its knees. No height differs from the present one by more than `HIGHEST_STEP_M`.
     """
     seen = np.array(heights, np.float64)
     for each, rise in zip(seen, (seen.max((1, 2)) - seen.min((1, 2))).tolist(), strict=True):
@@ -82,6 +82,6 @@ def _hide_steps(seen: Array, present: int) -> None:
 
 
 def blocked_message(rise_m: float) -> str:
-    """The status line's sentence for a character that stopped before a step of `rise_m`."""
+    """Return the status line for a character that stopped before a step of `rise_m` (metres)."""
     kind = "step up" if rise_m > 0.0 else "drop"
     return f"The way ahead is blocked: a {kind} of {abs(rise_m):.1f} m."

@@ -170,7 +170,7 @@ def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
 
 
 class Climb:
-    """A keyframed way up onto a wall (hands on the edge, a foot on top, stand) or down a drop (squat, step off, land, stand)."""
+    """A keyframed climb onto a wall (hands on the edge, a foot on top, stand) or down a drop (squat, step off, land, stand)."""
 
     def __init__(self, rise: float, start_z: float, depth: float, tempo: float = 1.0) -> None:
         """`rise` metres up, or below 0 down, from a root at `start_z` < 0.
@@ -186,9 +186,9 @@ class Climb:
         self.end_z = self._motion.end_z
 
     def root_z(self, t: float) -> float:
-        """Place of the root along z in metres at `t` seconds."""
+        """Return the root's z (metres) at `t` seconds."""
         return self._motion.root.at(t * self._tempo)[0]
 
     def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
-        """The pose at `t` seconds; `hips` `(3,)` and `local` `(31, 4)` are the incoming one, root at `root_z(t)`."""
+        """Return the pose at `t` seconds; `hips` `(3,)` and `local` `(31, 4)` are the incoming pose, root at `root_z(t)`."""
         return self._motion.pose(min(max(t * self._tempo, 0.0), self._motion.seconds), hips, local)

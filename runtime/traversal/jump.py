@@ -18,6 +18,7 @@ from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, roll_
 from runtime.feet.settings import SETTINGS
 from runtime.pose import DT, Pose
 from runtime.scalar_math import (
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -42,6 +43,9 @@ GRAVITY = 9.81
 STAGES = ("", "push", "flight", "land")
 BOTH = 2  # feet that push
 PUSH_S = 0.25  # from the button to the take-off
+FIRST_FRAME_S = 1.5 * DT  # until then a push is in its first frame
+WHOLE_PUSH_FRACTION = 1.0 - 1e-6  # of a push: more is all of it
+MAX_NUMBER = 1e4  # m, m/s and s of a jump from a file
 RISE_M = 0.30  # of the hips over their mean height, at the top
 OFF_M = 0.09  # of that at the take-off, on tiptoe
 LAND_M = 0.06  # over the incoming pose they come down
@@ -123,7 +127,7 @@ class Jump:
 
     @property
     def is_possible(self) -> bool:
-        """Whether numbers that were read from a file are those of a jump."""
+        """Return whether a state read from a file is a valid jump."""
         numbers = (
             self.time,
             self.hips,
@@ -136,31 +140,33 @@ class Jump:
             *self.velocity,
         )
         whole = self.gait in list(Gait) and self.foot in (0, 1, BOTH) and 0.0 <= self.rate <= MAX_RHYTHM_RATIO
-        return whole and max(map(abs, numbers)) < 1e4 and (self.stage != "flight" or self.begin[1] > 0.0)
+        return (
+            whole and max(map(abs, numbers)) < MAX_NUMBER and (self.stage != "flight" or self.begin[1] > 0.0)
+        )
 
     @property
     def airborne(self) -> bool:
-        """Whether nothing but gravity moves the body."""
+        """Whether the body is in free flight."""
         return self.stage == "flight"
 
     @property
     def active(self) -> bool:
-        """Whether the jump has begun and the body is not yet caught."""
+        """Whether the jump is in progress: pushing off or in flight."""
         return self.stage in ("push", "flight")
 
     @property
     def pace(self) -> float:
-        """Of the network's rhythm in this frame: a push takes a moment until it has its rate."""
+        """Rate at which the network's rhythm runs in this frame, 1 as usual; it eases in during the push."""
         if self.stage != "push":
             return self.rate
         return 1.0 + (self.rate - 1.0) * min(self.time / EASE_S, 1.0)
 
     def requested_gait(self, gait: Gait) -> Gait:
-        """The gait that the stick requests: while the button is down the one before."""
+        """Return the gait requested by the stick; while the jump button is down, the gait before it."""
         return Gait(self.gait) if gait is Gait.JUMP else gait
 
     def press(self, gait: Gait, free: bool) -> bool:
-        """Read the button; whether a jump is to begin. `free`: nothing is being crossed."""
+        """Read the jump button and return whether a jump begins; `free`: no traversal is in progress."""
         down = gait is Gait.JUMP
         begins = down and not self.pressed and free and self.stage in ("", "land")
         self.pressed = down
@@ -170,23 +176,23 @@ class Jump:
 
     @staticmethod
     def standing(hips: float, ground: float) -> Jump:
-        """Of a body that stands."""
+        """Return the jump state of a standing body."""
         return Jump(rest=hips - ground, hips=hips)
 
     def cancel(self, hips: float) -> None:
-        """Something else moves the body, whose hips are at `hips`."""
+        """Cancel the jump because another controller places the hips at `hips` (height, metres)."""
         self.stage, self.rate, self.hips, self.speed, self.over = "", 1.0, hips, 0.0, 0.0
         self.swing = self.swing_speed = self.lean = self.lean_speed = 0.0
 
     def raise_by(self, height: float) -> None:
-        """Move the jump up by `height` metres: the ground under it is another one."""
+        """Shift the jump up by `height` metres because the ground under it changed."""
         self.hips += height
         if self.stage != "land":  # there heights are over the ground
             self.begin = (self.begin[0] + height, self.begin[1])
             self.aim = (self.aim[0] + height, self.aim[1])
 
     def carried(self, velocity: tuple[float, float]) -> tuple[float, float]:
-        """The root's velocity (m/s, XZ) for the network's: as it took off, and from there to the network's own."""
+        """Return the root's velocity (m/s, XZ): that of take-off in flight, blending back to the network's after landing."""
         if self.stage == "flight":
             return self.velocity
         if self.stage == "land":
@@ -196,7 +202,7 @@ class Jump:
         return velocity
 
     def start(self, pose: Pose, steps: PlannedSteps, velocity: tuple[float, float]) -> None:
-        """Push off from where the body is in its stride, from its last `pose`; `velocity` of the root (XZ), m/s."""
+        """Start a jump from the last `pose` of the stride; `velocity` is the root's (XZ), m/s."""
         self.stage, self.time = "push", 0.0
         self.begin = (self.hips, self.speed)
         self.foot, self.rate, self.ripe, self.spot, self.shift = BOTH, 1.0, False, None, (0.0, 0.0)
@@ -213,7 +219,7 @@ class Jump:
             self.rate = min(max((goal - done) * steps.seconds / PUSH_S, 0.0), MAX_RHYTHM_RATIO)
 
     def advance(self, incoming: float, ground: float, root: tuple[float, float]) -> None:
-        """Move on by a frame over an incoming pose with hips at `incoming` (m); `ground` is what it stands on, `root` its velocity."""
+        """Advance the jump by a frame; `incoming` is the hips' height (m), `ground` the height under it, `root` its velocity."""
         before, mean = self.hips, self.rest + ground
         self.time += DT
         if self.stage == "push":
@@ -235,10 +241,10 @@ class Jump:
     def _push(self, mean: float, root: tuple[float, float]) -> None:
         """From where the hips are to the take-off; `mean` is their height at rest, m."""
         fraction = min(self.time / PUSH_S, 1.0)
-        if self.time <= 1.5 * DT:
+        if self.time <= FIRST_FRAME_S:
             self.aim = (mean + OFF_M, sqrt(2.0 * GRAVITY * (RISE_M - OFF_M)))
         self.hips = _hermite(fraction, self.begin, self.aim, PUSH_S)
-        if fraction >= 1.0 - 1e-6:
+        if fraction >= WHOLE_PUSH_FRACTION:
             self.stage, self.time, self.velocity = "flight", 0.0, root
             self.begin = self.aim
 
@@ -260,7 +266,7 @@ class Jump:
     def pose(
         self, hips: Array, local: Array, contacts: Array, terrain: Terrain
     ) -> tuple[Array, Array, Array]:
-        """Hips `(3,)`, rotations `(31, 4)` and contacts `(4,)` of the jump for the incoming ones."""
+        """Return hips `(3,)`, rotations `(31, 4)` and contacts `(4,)` of the jump, from the incoming pose."""
         ground = PointHeights(terrain, float(hips[1]) - SETTINGS.ground_under_hips, float(hips[1]))
         x, y, z = (float(c) for c in hips)
         incoming = quaternions(local)
@@ -324,7 +330,7 @@ class Jump:
 
     @property
     def flies(self) -> float:
-        """0 on the ground to 1 in the middle of the flight."""
+        """Return the flight's weight: 0 on the ground to 1 in the middle of the flight."""
         if self.stage != "flight":
             return 0.0
         return smoothstep(self.time / FOLD_S) * smoothstep(self._left() / FOLD_S)
@@ -427,7 +433,7 @@ class Jump:
 def _ahead(leg: LegPose) -> Vector:
     """The level direction in which a leg's hip faces."""
     x, _, z = rotate(leg.base, (0.0, 0.0, 1.0))
-    size = max(sqrt(x * x + z * z), 1e-6)
+    size = max(sqrt(x * x + z * z), MIN_SIZE)
     return x / size, 0.0, z / size
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.feet.leg import LegPose, leg_bones, leg_forward, leg_inverse, soft_reach, turned_out
 from runtime.scalar_math import (
+    MIN_SIZE,
     Quaternion,
     Vector,
     add,
@@ -44,11 +45,15 @@ ARMS: tuple[Arm, Arm] = ((17, 18, 19, 20), (24, 25, 26, 27))  # shoulder, upper 
 EASY_LEG_M, LEG_SLACK_M = 0.78, 0.035  # of a leg of 0.835 m
 _OFFSETS: tuple[Vector, ...] = tuple((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets)
 RIGHT_ANGLE_RAD = 1.5708
+MIN_ARC_SINE = 1e-4  # a shorter arc is taken for a straight line
+MIN_ARM_OPENING_M = 1e-3  # of the wrist from where an arm is folded wholly
+LEVEL_TOES_FRACTION = 0.7  # of a raised heel's pitch that the toes take back; chosen by eye
+CONTACT_CHANGE_FRACTION = 0.012  # of a motion, in which a contact comes or goes; chosen by eye
 
 
 @dataclass(frozen=True)
 class TraversalPose:
-    """One frame of a traversal in its own frame."""
+    """A pose of a traversal, in the traversal's own frame."""
 
     hips: Array  # (3,) metres
     local: Array  # (31, 4) rotations relative to the parent; those of the hips are in the traversal's frame
@@ -56,7 +61,7 @@ class TraversalPose:
 
 
 class Track:
-    """A curve through keys: cubic, without overshoot, at rest before the first and behind the last."""
+    """A cubic spline through keys, without overshoot, constant before the first and after the last."""
 
     def __init__(self, keys: Sequence[Sequence[float]]) -> None:
         """`keys`: rows of a time in seconds, rising, and the values there."""
@@ -76,7 +81,7 @@ class Track:
         self._tangents: list[list[float]] = tangents.tolist()
 
     def at(self, t: float) -> list[float]:
-        """The values at a time in seconds."""
+        """Return the interpolated values at `t` seconds."""
         k = bisect_right(self._times, t)
         if k == 0 or k == len(self._times):
             return self._values[min(k, len(self._times) - 1)]
@@ -91,25 +96,25 @@ class Track:
 
 
 def beyond(distance: float, easy: float, slack: float) -> float:
-    """How far (metres) to come nearer so that `distance` becomes at most `easy + slack`; begins without a kink."""
+    """Return how far (metres) to shorten `distance` to at most `easy + slack`, with a smooth onset."""
     over = max(distance - easy, 0.0)
     return over * over / (4.0 * slack) if over < 2.0 * slack else over - slack
 
 
 def quaternions(local: Array) -> list[Quaternion]:
-    """Rotations `(31, 4)` as tuples of floats."""
+    """Return rotations `(31, 4)` as tuples of floats."""
     return [(w, x, y, z) for w, x, y, z in np.asarray(local, np.float64).tolist()]
 
 
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
-    """From a (fraction 0) to b (1) along the shorter arc."""
+    """Interpolate spherically from a (fraction 0) to b (1) along the shorter arc."""
     c = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = -1.0 if c < 0.0 else 1.0
     angle = acos(min(1.0, abs(c)))
     sine = sin(angle)
     p, q = (
         (1.0 - fraction, fraction)
-        if sine < 1e-4
+        if sine < MIN_ARC_SINE
         else (sin((1 - fraction) * angle) / sine, sin(fraction * angle) / sine)
     )
     w, x, y, z = (p * m + sign * q * n for m, n in zip(a, b, strict=True))
@@ -118,7 +123,7 @@ def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
 
 
 def bend_trunk(local: list[Quaternion], lean: float, twist: float, look: float) -> None:
-    """Bend spine and neck in place (radians): forward, towards the left about the spine, and the face down."""
+    """Rotate spine and neck in place (radians): lean forward, twist to the left, and look down."""
     for joint, fraction in zip(SPINE, SPINE_SHARES, strict=True):
         local[joint] = multiply(from_vector((fraction * lean, fraction * twist, 0.0)), local[joint])
     for joint in NECK:
@@ -134,10 +139,10 @@ def place_foot(
     knee_out: float,
     free: float,
 ) -> Vector:
-    """Bring one leg's toe joint to `toe` in place, its foot turned to `foot` (in the frame of `hips`).
+    """Bend one leg in place so that its toe joint is at `toe` and its foot has the rotation `foot`; return the knee's position.
 
-    `knee_out` (radians) turns the knee outwards about the line from hip to ankle. A leg that
-    is `free` (0..1) never gets straight: a knee that unlocks has any speed. Returns the knee's place.
+    `knee_out` (radians) turns the knee outwards about the hip-ankle line. A leg that is `free` (0..1) never gets
+    straight, since a straight knee unlocks at any speed.
     """
     bones = LEGS[side]
     leg = leg_forward(bones, hips, local)
@@ -146,7 +151,7 @@ def place_foot(
     ankle = subtract(toe, rotate(foot, bones.offsets[4]))
     way = subtract(leg.hip, ankle)
     away = length(way)
-    ankle = add(ankle, scale(way, free * beyond(away, EASY_LEG_M, LEG_SLACK_M) / max(away, 1e-6)))
+    ankle = add(ankle, scale(way, free * beyond(away, EASY_LEG_M, LEG_SLACK_M) / max(away, MIN_SIZE)))
     solved = leg_inverse(leg, ankle, foot)
     for joint, rotation in zip(bones.joints[1:4], solved, strict=True):
         local[joint] = rotation
@@ -154,7 +159,7 @@ def place_foot(
 
 
 def shoulder_frame(local: list[Quaternion], side: int, hips: Vector) -> tuple[Quaternion, Vector]:
-    """World rotation of a shoulder and the place of its upper arm, in the frame of `hips`."""
+    """Return the world rotation of a shoulder and the position of its upper arm, for hips at `hips`."""
     turn, place = local[0], hips
     for joint in (*SPINE, *ARMS[side][:2]):
         place = add(place, rotate(turn, _OFFSETS[joint]))
@@ -172,16 +177,16 @@ def place_hand(
     hand: Quaternion,
     weight: float,
 ) -> None:
-    """Bring one arm's wrist to `wrist` in place, its hand turned to `hand`, as far as `weight` says (0..1).
+    """Bend one arm in place so that its wrist is at `wrist` and its hand has the rotation `hand`, blended by `weight` (0..1).
 
-    The elbow points to `pole`. The forearm takes the hand's twist, as its two bones do.
+    The elbow points towards `pole`. The forearm takes part of the hand's twist, as its two bones do.
     """
     base, place = shoulder_frame(local, side, hips)
     _, upper_joint, fore_joint, hand_joint = ARMS[side]
     a, b = length(_OFFSETS[fore_joint]), length(_OFFSETS[hand_joint])
     way = subtract(wrist, place)
     aim = unit(way)
-    reach = max(soft_reach(length(way), a + b), abs(a - b) + 1e-3)
+    reach = max(soft_reach(length(way), a + b), abs(a - b) + MIN_ARM_OPENING_M)
     out = unit(subtract(pole, scale(aim, dot(pole, aim))))
     c = min(1.0, max(-1.0, (a * a + reach * reach - b * b) / (2.0 * a * reach)))
     upper = add(scale(aim, c), scale(out, sqrt(1.0 - c * c)))
@@ -233,10 +238,10 @@ FADE_S = 0.25  # at both ends: inverse kinematics takes over the incoming legs
 
 @dataclass(frozen=True)
 class KeyframedMotion:
-    """Tracks over the seconds at tempo 1; metres and radians in the traversal's frame, left before right.
+    """A keyframed motion as tracks over time, in metres and radians of the traversal's frame; pairs have the left side first.
 
-    A foot stands where the incoming pose has it when the root is at the start or at the end: its place is a fraction of
-    each of both plus a place of its own, so that it lands in the stance of the style.
+    A foot's position is a weighted sum of its incoming positions at start and end, plus an offset, so that it lands in
+    the style's own stance.
     """
 
     seconds: float
@@ -254,7 +259,7 @@ class KeyframedMotion:
     elbows: tuple[Vector, Vector]  # where they point
 
     def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
-        """The pose at `t` seconds (tempo 1) over the incoming `hips` `(3,)` and `local` `(31, 4)`."""
+        """Return the pose at `t` seconds (tempo 1) for the incoming `hips` `(3,)` and `local` `(31, 4)`."""
         incoming = quaternions(local)
         x, y, z = (float(c) for c in hips)
         mine = list(incoming)
@@ -300,7 +305,7 @@ class KeyframedMotion:
             out = max(out, min(out + KNEE_TURN_RAD_PER_M * inside, MAX_KNEE_OUT_RAD))
             place_foot(mine, side, place, toe, foot, out, free)
         toes = LEGS[side].joints[4]  # stay flat under a raised heel
-        mine[toes] = multiply(from_vector((-0.7 * max(heel, 0.0), 0.0, 0.0)), mine[toes])
+        mine[toes] = multiply(from_vector((-LEVEL_TOES_FRACTION * max(heel, 0.0), 0.0, 0.0)), mine[toes])
 
     def _keep_angles(
         self,
@@ -326,24 +331,24 @@ class KeyframedMotion:
                 way = subtract((x, y, z), shoulder_frame(mine, side, place)[1])
                 wanted = length(way)
                 over = min(beyond(wanted, EASY_REACH_M, SLACK_M), FARTHEST_PULL_M)
-                place = add(place, scale(way, weight * over / max(wanted, 1e-6)))
+                place = add(place, scale(way, weight * over / max(wanted, MIN_SIZE)))
         return place
 
 
 def flat_hand(side: int, inward: float, down: float) -> Quaternion:
-    """World rotation of a hand (0 left, 1 right) with its palm down: fingers ahead, turned inwards and down (radians)."""
+    """Return the world rotation of a hand (0 left, 1 right), palm down, with fingers turned inwards and down (radians)."""
     half = 0.5 * (RIGHT_ANGLE_RAD + inward) * (-1.0 if side == 0 else 1.0)
     turn = (cos(half), 0.0, sin(half), 0.0)
     return multiply(from_vector((down, 0.0, 0.0)), turn)
 
 
 def timed(rows: Rows, seconds: float) -> Track:
-    """Return a track of rows, whose times are given as fractions of `seconds`."""
+    """Return a track from rows whose times are fractions of `seconds`."""
     return Track([(row[0] * seconds, *row[1:]) for row in rows])
 
 
 def both_sides(lead: Rows, trail: Rows, seconds: float) -> tuple[Track, Track]:
-    """Tracks, left before right, of the foot that goes first and of the other."""
+    """Return the tracks of the left and right foot from those of the leading and the trailing one."""
     tracks = {LEAD: timed(lead, seconds), TRAIL: timed(trail, seconds)}
     return tracks[0], tracks[1]
 
@@ -355,9 +360,9 @@ def stands(
     whole: float = 1.0,
     heel_on: float | None = None,
 ) -> Rows:
-    """Rows of the contacts of heel and toe of a foot that stands; its heel may come later and leave first."""
+    """Return the contact keys of heel and toe for a standing foot; the heel may land later and lift earlier than the toe."""
     toe_off = heel_off if toe_off is None else toe_off
-    soon = 0.012 * whole
+    soon = CONTACT_CHANGE_FRACTION * whole
     rows: Rows = [] if begin == 0 else [(begin - soon, 0, 0)]
     if heel_on is not None:
         rows += [(begin, 0, 1), (heel_on, 0, 1), (heel_on + soon, 1, 1), (heel_off, 1, 1)]

@@ -44,6 +44,9 @@ LOW_M = 0.2  # to deeper ground the hips fall
 MIN_RISE_FRACTION = 0.15  # of a swing in which a foot goes all the way up or down
 LIFT_M = 0.05  # of a swing on level ground
 DEEPEST_M = 0.12  # that the hips sink for a foot that the leg does not reach
+MOST_FRAMES, MEAN_FRAMES = 3, 7  # before and after a frame, in which that is looked for and smoothed
+TIMING_ROUNDS = 4  # of making a stride longer; one is the rule
+MIN_DURATION_S = 1e-3  # that a quotient of times is taken of
 GRAVITY = 9.81
 # metres that the stance foot stands before an edge: of a bar, more for its height and for each m/s over 1; of a gap or drop; of a step
 BAR_TAKEOFF_M, TAKEOFF_TOP_FRACTION, TAKEOFF_S, EDGE_TAKEOFF_M, STEP_TAKEOFF_M = 0.22, 0.45, 0.12, 0.16, 0.3
@@ -66,7 +69,7 @@ HEEL_UP_FRACTION, LANDING_TURN_FRACTION, ROLL_FRACTION = 0.35, 0.8, 1.6
 
 @dataclass(frozen=True)
 class LeapStart:
-    """What a leap begins with, in the frame of the traversal."""
+    """The state at the start of a leap, in the frame of the traversal."""
 
     start_z: float  # of the root
     speed: float  # m/s
@@ -79,14 +82,14 @@ class LeapStart:
 
 
 def takeoff_m(kind: ObstacleKind, top: float, speed: float) -> float:
-    """How far before an obstacle's edge the stance foot's ankle stands at best; `speed` of the root in m/s."""
+    """Return the best distance (metres) of the stance ankle from the obstacle's edge at take-off; `speed` of the root in m/s."""
     if kind is ObstacleKind.BAR:
         return BAR_TAKEOFF_M + TAKEOFF_TOP_FRACTION * top + TAKEOFF_S * max(speed - 1.0, 0.0)
     return EDGE_TAKEOFF_M if kind in (ObstacleKind.GAP, ObstacleKind.DOWN) else STEP_TAKEOFF_M
 
 
 class Leap:
-    """The plan of one traversal, as tables of a row for each frame."""
+    """The plan of a leap, as tables with one row per frame."""
 
     def __init__(
         self, kind: ObstacleKind, length: float, top: float, beyond: float, stride: LeapStart
@@ -127,7 +130,7 @@ class Leap:
         A stride that is too short for the hips to come near enough to where the lead foot lands takes longer.
         """
         wanted = self.stride.seconds
-        for _ in range(4):
+        for _ in range(TIMING_ROUNDS):
             self.seconds = self.stride.seconds - self.stride.elapsed
             self._count = max(round(self.seconds * FPS), 2)
             self._t = self.stride.elapsed + np.arange(self._count + 1) / self._count * self.seconds
@@ -174,7 +177,7 @@ class Leap:
         t, begin, end = self._t, self.stride.elapsed, self.stride.seconds
         leaves = max(HIPS_UP_FRACTION * off, begin)
         if self._fall:
-            up: Array = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0) ** 2
+            up: Array = np.clip((t - off) / max(land - off, MIN_DURATION_S), 0.0, 1.0) ** 2
         elif self.beyond > 0.0:
             up = smoothstep((t - land) / min(HIPS_UP_S_FRACTION * end, end - land))
         else:
@@ -197,19 +200,19 @@ class Leap:
             reach = plan.ankle[:, 1] + spans + HIP_DROP
             limit = np.where(plan.stands, np.minimum(limit, reach - self.stride.hips), limit)
         lower = np.minimum(np.maximum(rise - limit, 0.0), DEEPEST_M)
-        # the most of seven frames around, then their smooth mean: hardly less anywhere, and without a step where a foot comes down
-        most = sliding_window_view(np.pad(lower, 3, mode="edge"), 7).max(-1)
-        kernel = np.hanning(15)
-        spread = np.convolve(np.pad(most, 7, mode="edge"), kernel / kernel.sum(), mode="valid")
+        # the most of the frames around, then their smooth mean: hardly less anywhere, and without a step where a foot comes down
+        most = sliding_window_view(np.pad(lower, MOST_FRAMES, mode="edge"), 2 * MOST_FRAMES + 1).max(-1)
+        kernel = np.hanning(2 * MEAN_FRAMES + 1)
+        spread = np.convolve(np.pad(most, MEAN_FRAMES, mode="edge"), kernel / kernel.sum(), mode="valid")
         fade = smoothstep(np.minimum(t - t[0], end - t) / FADE_S)
         return rise - spread * fade
 
     def root_z(self, t: float) -> float:
-        """The root's place along the way at `t` seconds."""
+        """Return the root's position (metres) along the path at `t` seconds."""
         return float(np.interp(self.stride.elapsed + t, self._t, self._root))
 
     def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
-        """The traversal's pose at `t` seconds in place of the network's: `hips` `(3,)` over ground 0, `local` `(31, 4)`."""
+        """Return the leap's pose at `t` seconds, from the network's `hips` `(3,)` over ground 0 and `local` `(31, 4)`."""
         row = min(max(round(t * FPS), 0), self._count)
         raised = hips + np.array([0.0, self._rise[row], 0.0])
         targets = np.array([plan.ankle[row] for plan in self._plans])
@@ -229,7 +232,7 @@ class _FootPlan:
         self.rotation = rotations.multiply(rotations.from_yaw(np.full(len(pitch), yaw)), _pitched(pitch))
 
     def clear(self, profile: Callable[[Array], Array]) -> None:
-        """Raise the swing until the sole is over the obstacle."""
+        """Raise the foot during its swing so that the sole clears the obstacle."""
         u = self._swing
         points = [
             (self.ankle, ANKLE_HEIGHT),
@@ -260,13 +263,13 @@ def _foot_plan(
     yaw = float(np.arctan2(ahead[0], ahead[2]))
     level = float(np.arctan2(TOE[1], TOE[2]))
     pitch0 = float(level - np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2])))
-    u = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0)
+    u = np.clip((t - off) / max(land - off, MIN_DURATION_S), 0.0, 1.0)
     flat = smoothstep((t - t[0]) / FLATTEN_S)
     on_toe, raised = pitch0 >= ON_TOE_RAD, HEEL_UP_FRACTION * off
     heel_off = np.ones(len(t)) if on_toe else smoothstep((t - raised) / ((1.0 - HEEL_UP_FRACTION) * off))
     standing = np.full(len(t), pitch0) if on_toe else pitch0 * (1.0 - flat)
     standing = standing + (TOE_OFF_PITCH_RAD - standing) * heel_off * smoothstep(
-        (t - t[0]) / max(off - t[0], 1e-3)
+        (t - t[0]) / max(off - t[0], MIN_DURATION_S)
     )
     swung = TOE_OFF_PITCH_RAD + (LANDING_PITCH_RAD - TOE_OFF_PITCH_RAD) * smoothstep(
         u / LANDING_TURN_FRACTION

@@ -9,6 +9,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.pose import DT
+from runtime.scalar_math import MIN_SIZE
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind, obstacle_ahead
 from runtime.terrain.room import LANDING_RISE_M, can_climb, can_land
@@ -36,7 +37,7 @@ MAX_SPEED_M_PER_S = 5.0  # with which the view ahead grows
 
 @dataclass(frozen=True)
 class Ahead:
-    """An obstacle and the path (XZ, a unit vector) on which it lies ahead."""
+    """An obstacle, and the path (XZ, a unit vector) on which it lies."""
 
     obstacle: ObstacleAhead
     path: Array
@@ -44,26 +45,26 @@ class Ahead:
 
     @property
     def blocked(self) -> str | None:
-        """What the status line says where it is neither leapt nor climbed; None where it is."""
+        """The reason for the status line if the obstacle cannot be crossed, else None."""
         return _blocked(self.obstacle)
 
     @property
     def climbable(self) -> bool:
-        """Whether it is climbed up or down from here."""
+        """Whether the obstacle can be climbed up or down from the current position."""
         return is_climb(self.obstacle) and self.blocked is None
 
     @property
     def stands(self) -> bool:
-        """Whether one has to stand before it: to climb, or because the way ends."""
+        """Whether the character must stop before it: to climb, or because it cannot be crossed."""
         return is_climb(self.obstacle) or self.blocked is not None
 
     def too_near(self, direction: Array) -> bool:
-        """Whether a root that goes in `direction` would come into a wall that is to be climbed, or over a drop."""
+        """Return whether a root moving in `direction` would get too close to a wall or drop."""
         return self.stands and self.obstacle.near < NEAREST_M and float(direction @ self.path) > 0.0
 
 
 class ObstacleProbe(NamedTuple):
-    """What lies ahead of a character in one frame."""
+    """What lies ahead of a character in this frame."""
 
     stops: bool  # the root does not follow the stick
     ahead: Ahead | None  # what the stick leads to
@@ -71,11 +72,11 @@ class ObstacleProbe(NamedTuple):
 
     @property
     def finds(self) -> bool:
-        """Whether anything is ahead that the network does not cross by itself."""
+        """Whether an obstacle is ahead that the network does not cross by itself."""
         return self.stops or (self.ahead is not None and not self.ahead.alone)
 
     def alone(self) -> ObstacleProbe:
-        """Of a character whose network crosses what lies ahead: bars and gaps are stepped over, steps are ground like any."""
+        """Return the probe for a network that crosses this obstacle itself: bars and gaps are to be stepped over, steps are ignored."""
         if self.ahead is None or self.ahead.obstacle.kind not in (ObstacleKind.BAR, ObstacleKind.GAP):
             return CLEAR
         return ObstacleProbe(False, replace(self.ahead, alone=True), None)
@@ -88,9 +89,9 @@ CLIMBING = ObstacleProbe(True, None, None)
 def probe_obstacles(
     terrain: Terrain, place: Array, path: Array, speed: float, stopped: bool
 ) -> ObstacleProbe:
-    """What lies ahead of a root at `place` (XZ) that goes at `speed` (m/s) along `path` (XZ, a unit vector).
+    """Return what lies ahead of a root at `place` (XZ) moving at `speed` (m/s) along `path` (XZ, a unit vector).
 
-    A character that has `stopped` sets off only where the path is free farther.
+    A character that has `stopped` needs a longer free path to set off again.
     """
     x, z = float(place[0]), float(place[1])
     reach = STOP_M + STOP_SECONDS * speed + HOLD_M * stopped
@@ -120,9 +121,9 @@ def _lack_of_room(terrain: Terrain, ahead: Ahead, place: Array, stops: bool) -> 
 
 
 def held_back(terrain: Terrain, place: Array, velocity: Array, ahead: Ahead | None) -> Array:
-    """The root's velocity (m/s), zero where it leads to a step too high for anyone, or into a wall."""
+    """Return the root's velocity (m/s), or zero if it leads into a wall or to a step that is too high."""
     speed = float(np.linalg.norm(velocity))
-    if speed < 1e-6:
+    if speed < MIN_SIZE:
         return velocity
     if ahead is not None and ahead.too_near(velocity / speed):
         return np.zeros(2)
@@ -132,7 +133,7 @@ def held_back(terrain: Terrain, place: Array, velocity: Array, ahead: Ahead | No
 
 
 def is_leap(obstacle: ObstacleAhead) -> bool:
-    """Whether it is crossed in one stride."""
+    """Return whether an obstacle is crossed in one stride."""
     if obstacle.kind is ObstacleKind.BAR:
         return obstacle.top <= HIGHEST_LEAP_M
     if obstacle.kind is ObstacleKind.GAP:
@@ -141,7 +142,7 @@ def is_leap(obstacle: ObstacleAhead) -> bool:
 
 
 def is_climb(obstacle: ObstacleAhead) -> bool:
-    """Whether it is climbed up or down."""
+    """Return whether an obstacle is climbed up or down."""
     steps = obstacle.kind in (ObstacleKind.UP, ObstacleKind.DOWN)
     return steps and HIGHEST_STEP_M < abs(obstacle.top) <= HIGHEST_CLIMB_M
 

@@ -35,7 +35,7 @@ def decide(
     walk_speed: float,
     ahead: Ahead | None,
 ) -> None:
-    """Begin what the obstacle ahead requests. `held` tells which feet stand."""
+    """Plan the steps towards the obstacle ahead, and start a leap or climb when it is reached; `held` tells which feet stand."""
     steps = traversal.steps
     came = steps.watch(pose, held, ahead.path if ahead is not None else None, traversal.pace)
     leads_over = _step_over(traversal, pose, ahead)

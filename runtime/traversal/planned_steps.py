@@ -31,7 +31,7 @@ MAX_FIRST_STRIDE_RATIO = 1.5  # of the usual one: a slower first step tells noth
 
 @dataclass
 class PlannedSteps:
-    """Landings of the feet, from frame to frame."""
+    """Timing of foot landings, strides and speed, carried from frame to frame."""
 
     # the foot that came down last: 0 left, 1 right
     stance: int | None = field(default=None, metadata={"most": 1})
@@ -48,11 +48,11 @@ class PlannedSteps:
 
     @property
     def length(self) -> float:
-        """Metres of a step at full pace."""
+        """Step length (metres) at full pace."""
         return max(0.5 * self.speed * self.seconds, MIN_STEP_M)
 
     def watch(self, pose: Pose, held: Sequence[object], way: Array | None, pace: float) -> bool:
-        """Whether a foot came down in this frame; `held` tells which feet stand, `way` (XZ) where the root goes."""
+        """Update with a frame and return whether a foot landed; `held` tells which feet stand, `way` (XZ) is the path."""
         x, _, z = pose.root_position.tolist()
         if self.root is not None:
             last_x, last_z = self.root.tolist()
@@ -101,16 +101,16 @@ class PlannedSteps:
         self.since = (0.0, self.since[1]) if foot == 0 else (self.since[0], 0.0)
 
     def ankle(self, pose: Pose, way: Array) -> float:
-        """Metres along `way` from the root to the ankle that stands."""
+        """Return the distance (metres) along `way` from the root to the stance ankle."""
         joint, root = pose.positions[LEG_FEET[self.stance or 0]], pose.root_position
         return float((joint[0] - root[0]) * way[0] + (joint[2] - root[2]) * way[1])
 
     def next_ankle(self, pace: float) -> float:
-        """Metres from the root of now to where the next ankle will come down."""
+        """Return the distance (metres) from the current root to the predicted landing of the next ankle."""
         return self.speed * pace * max(0.5 * self.seconds - self.elapsed, MIN_LANDING_S) + self.ahead
 
     def after_leap(self, stance: int) -> None:
-        """The stance foot of a leap comes down now: half a stride after the other one."""
+        """Reset the timing after a leap whose stance foot lands now, half a stride after the other one."""
         self.root = None
         self.stood = (stance != 0, stance != 1)
         times = (self.seconds, 0.5 * self.seconds)

@@ -37,6 +37,8 @@ PACE_RANGE = (0.85, 1.2)  # of the root in the steps before a leap, so that a fo
 MAX_SIGHT_FRACTION, MAX_SIGHT_CHANGE_PER_S = 1.5, 20.0
 MAX_SIZE_M, MAX_NUMBER = 10.0, 100.0  # of what is crossed; of what describes it
 TEMPO_RANGE = (0.7, 1.2)  # of a climb
+STRIDE_RANGE_S = (0.1, 10.0)  # of a leap
+CLIMB_NUMBERS, LEAP_NUMBERS = 4, 23  # that describe one
 
 
 @lru_cache(maxsize=64)
@@ -54,7 +56,7 @@ def _motion(kind: str, numbers: tuple[float, ...]) -> Leap | Climb:
 
 @dataclass
 class Traversal:
-    """State of one character's traversal, from frame to frame."""
+    """State of one character's traversal, carried from frame to frame."""
 
     kind: str = field(default="", metadata={"choices": KINDS})  # of the traversal under way
     stopped: bool = False  # before ground that it neither walks on nor crosses
@@ -75,21 +77,21 @@ class Traversal:
 
     @property
     def climbing(self) -> bool:
-        """Whether it goes up or down by itself, whatever the stick says."""
+        """Whether it climbs up or down, regardless of the stick."""
         return self.kind in ("climb", "descend")
 
     @property
     def motion(self) -> Leap | Climb:
-        """What is crossed by; only while there is a `kind`."""
+        """The motion of the traversal; only valid while `kind` is set."""
         return _motion(self.kind, self.numbers)
 
     @property
     def rise(self) -> float:
-        """Of the ground behind the obstacle, m."""
+        """Height of the ground behind the obstacle (metres)."""
         return self.numbers[0] if self.climbing else self.numbers[2]
 
     def path(self, heading: Array) -> Array:
-        """Where the root goes (XZ, a unit vector): mostly as it has gone, for feet land there, and towards the stick's `heading`."""
+        """Return the root's path (XZ, a unit vector): a mix of its past velocity, where feet will land, and the stick's `heading`."""
         speed = float(np.linalg.norm(self.steps.velocity))
         if speed < WALKING_SPEED_M_PER_S:
             return heading
@@ -98,9 +100,9 @@ class Traversal:
         return mixed / size if size > 0.5 else heading
 
     def probe(self, terrain: Terrain | None, place: Array, heading: Array, speed: float) -> ObstacleProbe:
-        """What lies ahead of a root at `place` (XZ) that is to go to `heading` (XZ); remembers whether it stops.
+        """Return what lies ahead of a root at `place` (XZ) with the stick at `heading` (XZ); updates whether it has stopped.
 
-        `speed` is the root's, m/s; `terrain` None where it is known to hold nothing, or nothing is requested.
+        `speed` is the root's, m/s; `terrain` is None if it holds no obstacle, or nothing is requested.
         """
         if self.climbing:
             found = CLIMBING
@@ -113,7 +115,7 @@ class Traversal:
 
 
 def is_possible(traversal: Traversal) -> bool:
-    """Whether the numbers of a traversal that was read from a file describe one of its kind."""
+    """Return whether a traversal read from a file is valid for its kind."""
     numbers = traversal.numbers
     over, farthest = traversal.over, max(map(abs, numbers), default=0.0)
     seen = abs(traversal.sight) <= MAX_SIGHT_FRACTION
@@ -124,8 +126,8 @@ def is_possible(traversal: Traversal) -> bool:
     if not traversal.kind:
         return True
     if traversal.climbing:
-        return len(numbers) == 4 and _is_climb_possible(traversal.kind, numbers[0], numbers[3])
-    return len(numbers) == 23 and _is_leap_possible(*numbers[4:8])
+        return len(numbers) == CLIMB_NUMBERS and _is_climb_possible(traversal.kind, numbers[0], numbers[3])
+    return len(numbers) == LEAP_NUMBERS and _is_leap_possible(*numbers[4:8])
 
 
 def _is_climb_possible(kind: str, rise: float, tempo: float) -> bool:
@@ -134,11 +136,16 @@ def _is_climb_possible(kind: str, rise: float, tempo: float) -> bool:
 
 
 def _is_leap_possible(speed: float, seconds: float, elapsed: float, stance: float) -> bool:
-    return speed >= 0.0 and 0.1 <= seconds <= 10.0 and 0.0 <= elapsed < seconds and stance in (0.0, 1.0)
+    return (
+        speed >= 0.0
+        and STRIDE_RANGE_S[0] <= seconds <= STRIDE_RANGE_S[1]
+        and 0.0 <= elapsed < seconds
+        and stance in (0.0, 1.0)
+    )
 
 
 def end_when_over(traversal: Traversal) -> bool:
-    """Whether the frame just shown was the traversal's last; it is over then."""
+    """End the traversal if the frame just shown was its last; return whether it ended."""
     if traversal.time < traversal.motion.seconds - 0.5 * DT:
         return False
     motion, steps = traversal.motion, traversal.steps

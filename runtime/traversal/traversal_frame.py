@@ -26,7 +26,7 @@ FADE_S = 0.3  # in which the first pose's difference from the traversal's goes
 
 
 def traversal_velocity(traversal: Traversal) -> Array:
-    """The root's velocity (m/s, XZ) to the next frame, whose traversal time this begins."""
+    """Advance the traversal by a frame and return the root's velocity (m/s, XZ)."""
     traversal.time += DT
     z = traversal.motion.root_z(traversal.time)
     speed, traversal.last_z = (z - traversal.last_z) / DT, z
@@ -36,7 +36,7 @@ def traversal_velocity(traversal: Traversal) -> Array:
 def traversal_pose(
     traversal: Traversal, hips: Array, local: Array, ground: float, last: Pose, terrain: Terrain
 ) -> tuple[Array, Array, Array]:
-    """World hips `(3,)`, local rotations and contacts to show for the network's, which stands on `ground`."""
+    """Return world hips `(3,)`, local rotations and contacts to show, from the network's pose on `ground`."""
     local = np.array(local, np.float64)
     turn = rotations.from_yaw(-traversal.yaw)
     if traversal.fresh:
@@ -75,10 +75,10 @@ def _on_the_ground(hips: Array, local: Array, terrain: Terrain) -> Array:
 def seen_heights(
     traversal: Traversal, points: Array, heights: Array, present: int, ahead: Ahead | None
 ) -> Array:
-    """Heights `(12,)` that the network sees at `points` `(12, 2)`: as if what is crossed were level ground.
+    """Return the heights `(12,)` that the network sees at `points` `(12, 2)`, with the obstacle replaced by level ground.
 
-    It has learnt slopes and stairs; before a bar or a gap it would crouch or climb as before those. The body is
-    placed over the mean of what it sees, so that this comes and goes on a spring.
+    The network has learnt slopes and stairs, and would crouch or climb before a bar or gap. The body is placed over the
+    mean of these heights, so they change on a spring.
     """
     level = heights[present]
     if traversal.over.length >= 0.0:

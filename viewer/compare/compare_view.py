@@ -40,7 +40,7 @@ _LOG = logging.getLogger("sport.viewer")
 
 @dataclass
 class CompareView:
-    """While it is open, the stick drives the session's variants in place of the live character, who waits."""
+    """The compare view; while it is open, the stick drives the session's variants, and the live character waits."""
 
     editor: Editor
     settings: Settings
@@ -72,7 +72,7 @@ class CompareView:
 
     @property
     def open(self) -> bool:
-        """Whether it is shown in place of the live character."""
+        """Whether the compare view is shown."""
         return bool(self.members)
 
     @property
@@ -81,7 +81,7 @@ class CompareView:
 
     @property
     def titles(self) -> list[str]:
-        """What each is called: its prompt and what differs."""
+        """The title of each variant: its prompt and what differs."""
         return [name + rest for name, rest in names(self.variants)]
 
     @property
@@ -92,7 +92,7 @@ class CompareView:
     # --- who is compared
 
     def toggle(self) -> None:
-        """Open it with the variants of the prompt that were kept, else with new ones; or close it."""
+        """Open the compare view, with the stored variants of the prompt or new ones, or close it."""
         if self.open:
             self.close()
         elif any(same_answers(variant.prompt, self.prompting.prompt) for variant in self.variants):
@@ -124,7 +124,7 @@ class CompareView:
         self._compare(label, [(replace(blend, weights=weight), self._seed) for weight in weights])
 
     def last_prompts(self) -> None:
-        """Compare the live prompt with the ones typed before it, which are answered one after the other."""
+        """Compare the live prompt with the last ones typed, which are answered one by one."""
         blend = self.prompting.prompt
         texts = [text for text in self.settings.prompt_history if text != blend.prompt(Side.A)]
         texts = texts[: self._count - 1]
@@ -161,13 +161,13 @@ class CompareView:
             self.editor.do(label, lambda session: replace(session, variants=(*session.variants, more)))
 
     def remove(self, index: int) -> None:
-        """Remove a variant; two stay."""
+        """Remove a variant, down to two."""
         if len(self.variants) > FEWEST:
             rest = self.variants[:index] + self.variants[index + 1 :]
             self.editor.do(f"variant {index + 1} removed", lambda session: replace(session, variants=rest))
 
     def reseed(self, index: int, seed: int) -> None:
-        """Change the seed of one variant while the mouse or a key holds its field."""
+        """Remove a variant; two always stay."""
         change = _with_variant(self.variants[index].number, lambda v: replace(v, seed=max(seed, 0)))
         self.editor.drag(f"seed of variant {index + 1}", change)
 
@@ -214,7 +214,7 @@ class CompareView:
         return ready
 
     def follow(self, before: Session, now: Session) -> None:
-        """Let those move that the session has now; without any it closes."""
+        """Show the session's variants after a change of it; close the view if there are none."""
         standing = self._standing
         if not self.open or now.variants == standing:
             return
@@ -275,11 +275,11 @@ class CompareView:
         self._place(centre, yaw)
 
     def begin_typing(self) -> None:
-        """Give the keyboard to the field of the first variant."""
+        """Move the keyboard focus to the first variant's prompt."""
         self.focus_requested = True
 
     def close(self, note: str = "") -> None:
-        """Look at the live character again, where it was; the session keeps the variants."""
+        """Return to the live character where it was; the session keeps the variants."""
         if not self.open:
             return
         self._end_crowd()
@@ -298,7 +298,7 @@ class CompareView:
         self._crowd = None
 
     def keep(self, index: int) -> None:
-        """Let one of them be the live character: it goes on from here, and its prompt is the live one, as a step."""
+        """Make a variant the live character, with its state and prompt, as one step of undo."""
         variant, title = self.variants[index], self.titles[index]
         snapshot, pose = take_snapshot(self.members[index]), self.poses[index]
         before = self.prompting.prompt
@@ -314,7 +314,7 @@ class CompareView:
     # --- moving
 
     def line_up(self) -> None:
-        """Put all of them into a line again where they are, across the view."""
+        """Line all characters up again at their place, facing the view."""
         self._place(*self._middle())
 
     def _middle(self) -> tuple[tuple[float, float], float]:
@@ -330,7 +330,7 @@ class CompareView:
         self._before = self.poses
 
     def advance(self, seconds: float, controls: Controls) -> bool:
-        """Let time pass for all, and return whether it is open; it closes when a recording or another model begins."""
+        """Advance all characters and return whether the view is open; it closes when recording starts or the model changes."""
         if not self.open:
             return False
         if self.scene.controller is not self._live:
@@ -369,14 +369,14 @@ class CompareView:
             self.messages.error(fault)
 
     def shown(self, between: bool) -> list[Pose]:
-        """Return the poses to draw; `between` the last two steps where the display has its own rate."""
+        """Return the poses to draw; `between` interpolates the last two steps for displays with another frame rate."""
         if not between or len(self._before) != len(self.poses):
             return self.poses
         fraction = self._left_s / STEP_SECONDS
         return [interpolate(a, b, fraction) for a, b in zip(self._before, self.poses, strict=True)]
 
     def frame_all(self, camera: CameraControl, aspect: float, dt: float) -> None:
-        """Glide to where a free view of `aspect` times the window's height holds all of them, nearer or farther by zoom."""
+        """Move the camera smoothly so that all characters fit into a view of aspect ratio `aspect`, keeping the user's zoom."""
         if not self.open:
             return
         orbit, poses = camera.orbit, self.poses

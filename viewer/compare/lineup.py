@@ -21,9 +21,9 @@ FILLED_VIEW_FRACTION = 0.86  # of the view that they fill
 
 
 def places(count: int, centre: tuple[float, float], heading: float) -> list[tuple[float, float]]:
-    """Return X and Z (metres) of characters in a line as seen along `heading` (radians), the first on the left.
+    """Return X and Z (metres) of characters lined up across `heading` (radians), the first on the left.
 
-    From six on they stand in two rows, the second behind the gaps of the first.
+    Six and more stand in two rows, the second behind the gaps of the first.
     """
     rows = [count] if count <= LONGEST_ROW else [(count + 1) // 2, count // 2]
     ahead = np.array([math.sin(heading), math.cos(heading)])
@@ -40,13 +40,13 @@ def places(count: int, centre: tuple[float, float], heading: float) -> list[tupl
 
 
 def centre_of(poses: Sequence[Pose]) -> Array:
-    """Return the middle `(3,)` of the box around all, at the height of their hips."""
+    """Return the centre `(3,)` of all characters, at hip height."""
     roots = np.array([pose.root_position for pose in poses], float)
     return np.asarray(0.5 * (roots.min(0) + roots.max(0)) + np.array([0.0, 0.5 * ABOVE_M, 0.0]))
 
 
 def distance_to(poses: Sequence[Pose], camera: Camera, aspect: float) -> float:
-    """Return metres from the camera's target at which a free view of this width / height of the window holds all of them."""
+    """Return the camera distance (metres) at which a view of this aspect ratio shows all characters."""
     feet = np.array([pose.root_position for pose in poses], float)
     points = np.concatenate([feet, feet + np.array([0.0, ABOVE_M, 0.0])]) - centre_of(poses)
     axes = camera.view_matrix()[:3, :3].astype(float)
@@ -57,7 +57,7 @@ def distance_to(poses: Sequence[Pose], camera: Camera, aspect: float) -> float:
 
 
 def names(variants: Sequence[Variant]) -> list[tuple[str, str]]:
-    """Return for each its prompt, which may be cut, and the weight of prompt B and the seed where they differ."""
+    """Return for each variant its prompt, possibly shortened, and the weight of prompt B and the seed if they differ."""
     weights, seeds = [weight_of(v.prompt) for v in variants], [f"seed {v.seed}" for v in variants]
     rest = [texts for texts in (weights, seeds) if len(set(texts)) > 1]
     prompts = [variant.prompt.prompt(Side.A) or "own words" for variant in variants]
@@ -65,5 +65,5 @@ def names(variants: Sequence[Variant]) -> list[tuple[str, str]]:
 
 
 def weight_of(blend: PromptBlend) -> str:
-    """Return how much of prompt B is in a blend, in words; "" for none."""
+    """Return the weight of prompt B in a blend as text; "" without prompt B."""
     return "" if blend.b is None else f"B {100 * blend.master_weight:.0f} %"

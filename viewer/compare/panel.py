@@ -24,7 +24,7 @@ SEED_WIDTH_PX = 112.0  # pixels at scale 1
 
 
 def panel(compare: CompareView) -> Panel:
-    """Return the panel, in the place of the prompt while the compare view is open."""
+    """Return the compare view's panel, which replaces the prompt panel."""
 
     return Panel(
         "Compare", PanelPlace.LEFT, lambda _: draw(compare), ICON.exchange, shown=lambda: compare.open,
@@ -128,7 +128,7 @@ NAMES_FROM_PX = 110.0  # where there is less room for a name
 
 
 def names_panel(compare: CompareView) -> Panel:
-    """Return the panel of names over the characters; a click on a character keeps it."""
+    """Return the panel with the names of the characters; clicking a character keeps it."""
 
     def draw_names(view: Rect) -> None:
         camera, size = compare.scene.camera.current, imgui.get_io().display_size

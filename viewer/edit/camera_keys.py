@@ -41,17 +41,17 @@ class CameraKeys:
 
     @property
     def through(self) -> bool:
-        """Whether the view follows the keys of the take that plays."""
+        """Whether the view follows the camera keys of the playing take."""
         return self.control.keyed and bool(self.keys)
 
     def toggle(self) -> None:
-        """Look through the keys, or leave the view where they have put it."""
+        """Look through the camera keys, or stop with the view where it is."""
         if not self.keys:
             self.editor.messages.note("No camera keys: “+ Pin”, Camera key sets one on the timeline.")
         self.control.keyed, self._frame = not self.through, (-1, -1)
 
     def add(self) -> None:
-        """Key the view as it is at the frame shown, or now: keys of the live character go into what is recorded."""
+        """Key the current view at the frame shown; keys of the live character go into the recording."""
         playback, take = self.takes.playback, self.takes.played or self.editor.session.live
         if len(take.cameras) >= MAX_KEYS:
             return
@@ -82,7 +82,7 @@ class CameraKeys:
         self.editor.put(label, LIVE if self.takes.played is None else self.takes.played.number, cameras=keys)
 
     def look(self, pose: Pose, terrain: Terrain) -> None:
-        """Let the view follow the keys while the take plays or is sought; call once a frame before it is drawn."""
+        """Move the view along the keys while the take plays or is scrubbed; call once per frame before drawing."""
         playback = self.takes.playback
         if playback is None or not self.through:
             return
@@ -95,14 +95,14 @@ class CameraKeys:
             camera.target = looked_at(pose.hips_position, terrain) + np.array([key.x, key.y, key.z])
 
     def panel(self) -> Panel:
-        """Return what a film through the keys shows, as a frame in the view."""
+        """Return the panel that marks the edges of the film in the view."""
         actions = {Action.KEYED_CAMERA: self.toggle}
         return Panel(
             "Film", PanelPlace.SIGN, lambda _: self._draw(), shown=lambda: self.through, actions=actions
         )
 
     def fit(self, most: float, aspect: float) -> float:
-        """Return the fraction of the height for the view, so that the film lies in a free view of this `aspect`."""
+        """Return the height of the view, as a fraction, in which the whole film fits into a view of this `aspect`."""
         usual = math.tan(FOV_Y_RAD / 2) / self._half_height
         return FILM_VIEW_FRACTION * usual * min(most, aspect / self._aspect)
 

@@ -37,7 +37,7 @@ class Cutting:
     takes: Takes
 
     def split(self) -> None:
-        """Split the take into two at the frame shown."""
+        """Split the playing take at the frame shown."""
         playback, take = self.takes.playback, self.takes.played
         if playback is None or take is None:
             return
@@ -48,7 +48,7 @@ class Cutting:
             messages.note("Go to a frame between the trim handles to split the take there.")
 
     def cut(self) -> None:
-        """Make a take without what lies between the trim handles."""
+        """Create a take without the range between the trim handles."""
         take = self.takes.played
         if take is not None and not take.trimmed:
             self.takes.messages.note("Put the trim handles around what is to be cut out.")
@@ -59,7 +59,7 @@ class Cutting:
             )
 
     def repeat(self, times: int) -> None:
-        """Make a take that repeats what the trim keeps so many times."""
+        """Create a take that repeats the trimmed range `times` times."""
         take = self.takes.played
         if take is not None:
             name = f"{take.title} x {times}"
@@ -68,7 +68,7 @@ class Cutting:
             )
 
     def loop(self) -> None:
-        """Make a take of the best cycle of what the trim keeps, as an export with "Loop" writes it."""
+        """Create a take of the best cycle in the trimmed range, as an export with "Loop" does."""
         take = self.takes.played
         if take is not None:
 
@@ -79,7 +79,7 @@ class Cutting:
             self._make(take, f"{take.title}, loop", work, take.range[0])
 
     def join(self, number: int) -> None:
-        """Make a take of the one that plays, then another one."""
+        """Create a take of the playing one followed by another."""
         take, other = self.takes.played, self.takes.session.take(number)
         if take is not None and other is not None and number != LIVE:
             name, own, theirs = f"{take.title} + {other.title}", _ground(take), _ground(other)

@@ -45,7 +45,7 @@ HELP = (
 
 @dataclass(frozen=True)
 class Grab:
-    """What the left button holds since it was pressed: keys, the line of the frame shown, or a box."""
+    """What is being dragged: keys, the playhead, or a selection box."""
 
     what: str  # "keys", "frame" or "box"
     frame: float  # where it was pressed,
@@ -56,7 +56,7 @@ class Grab:
 
 @dataclass
 class GraphEditor:
-    """Which curves are shown, which keys are chosen, and what the mouse holds."""
+    """State of the graph editor: visible curves, selected keys, and the drag in progress."""
 
     editor: Editor
     takes: Takes
@@ -71,7 +71,7 @@ class GraphEditor:
 
     @property
     def curves(self) -> KeyedCurves:
-        """The curves of the take that plays."""
+        """The curves of the playing take."""
         playback = self.takes.playback
         if playback is None:
             return KeyedCurves(PoseLayer(), (), 1.0, 1)
@@ -79,19 +79,19 @@ class GraphEditor:
         return KeyedCurves(take.poses.layer, take.cameras, playback.clip.fps, playback.frames)
 
     def show(self) -> None:
-        """Open the window on every key."""
+        """Open the window with all keys in view."""
         self.open = self._fits = True
 
     def toggle(self) -> None:
-        """Open the window, or close it."""
+        """Open or close the window."""
         self.open, self._fits = not self.open, True
 
     def close(self) -> None:
-        """Let the chosen keys go, then close the window."""
+        """Deselect the keys, or close the window if none are selected."""
         self.open, self.chosen, self._grab = self.open and bool(self.chosen), frozenset(), None
 
     def panel(self) -> Panel:
-        """Return the window, over the view until it is moved; Escape closes it."""
+        """Return the graph editor's window, initially over the view; Escape closes it."""
         return Panel(
             "Curves", PanelPlace.VIEW, self._draw,
             shown=lambda: self.open and self.takes.playback is not None, close=self.close,
@@ -100,7 +100,7 @@ class GraphEditor:
     # --- edits
 
     def put(self, label: str, change: Callable[[], KeyedCurves], held: bool = False) -> None:
-        """Put other curves in the place of those of the take, as a step of undo."""
+        """Replace the take's curves, as a step of undo."""
         playback = self.takes.playback
         if playback is None or self.pins.fixed:
             return
@@ -115,18 +115,18 @@ class GraphEditor:
         self.editor.put(label, take.number, held, poses=poses, cameras=made.cameras)
 
     def remove(self) -> None:
-        """Take the chosen keys away."""
+        """Delete the selected keys."""
         chosen, self.chosen = self.chosen, frozenset()
         if chosen:
             self.put("removal of keys", lambda: self.curves.removed(chosen))
 
     def insert(self, channel: Channel, frame: int) -> None:
-        """Set a key on the curve of a channel, and choose it."""
+        """Insert a key on a channel's curve and select it."""
         self.put("new key", lambda: self.curves.inserted(channel, frame))
         self.chosen = frozenset({CurveKey(channel, frame)})
 
     def move(self, frames: int, value: float) -> None:
-        """Move the keys that the mouse holds from where they were by frames, and by a value on the plot's axis."""
+        """Move the dragged keys from their original places by frames, and by a value on the plot's axis."""
         grab = self._grab
         if grab is None:
             return

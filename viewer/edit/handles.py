@@ -22,13 +22,13 @@ RAY_STEPS = 400
 
 @dataclass
 class Handles:
-    """Which of some points the left button holds."""
+    """Tracks which of several points the left button drags."""
 
     held: int = -1  # -1 for none
     pressed: bool = False  # in this frame, where no panel has the mouse
 
     def use_mouse(self, camera: Camera, points: Array) -> bool:
-        """Take the nearest of `points` `(n, 3)` or let go; whether what is held is moved in this frame."""
+        """Grab the nearest of `points` `(n, 3)` or release it; return whether a grabbed point is dragged in this frame."""
         io = imgui.get_io()
         self.pressed = imgui.is_mouse_clicked(0) and not io.want_capture_mouse
         if self.pressed:
@@ -46,7 +46,7 @@ def _nearest(camera: Camera, points: Array, mouse: imgui.ImVec2, size: imgui.ImV
 
 
 def dragged(camera: Camera, point: Array) -> Array:
-    """Return the point `(3,)` moved as the mouse was in this frame, as far from the camera as it is."""
+    """Return the point `(3,)` moved with the mouse, at the same distance from the camera."""
     io, view = imgui.get_io(), camera.view_matrix().astype(float)
     depth = -(view @ np.array([*point, 1.0]))[2]
     metres = 2.0 * camera.half_height * depth / max(io.display_size.y, 1.0)
@@ -56,7 +56,7 @@ def dragged(camera: Camera, point: Array) -> Array:
 def ground_under(
     camera: Camera, terrain: Terrain, mouse: imgui.ImVec2, size: imgui.ImVec2
 ) -> tuple[float, float] | None:
-    """Return X and Z (metres) of the ground under a screen position; None for the sky."""
+    """Return X and Z (metres) of the ground under a screen position, or None for the sky."""
     across, up = 2.0 * mouse.x / max(size.x, 1.0) - 1.0, 1.0 - 2.0 * mouse.y / max(size.y, 1.0)
     view, half = camera.view_matrix().astype(float), camera.half_height
     ray = -view[2, :3] + (across - camera.shift) * half * size.x / max(size.y, 1.0) * view[0, :3]
@@ -75,7 +75,7 @@ def ground_under(
 
 
 def on_screen(camera: Camera, point: Array, size: imgui.ImVec2) -> tuple[float, float] | None:
-    """Return where a point `(3,)` shows, in screen units; None behind the camera."""
+    """Return the screen position of a point `(3,)`, or None if it is behind the camera."""
     matrix = camera.projection_matrix(size.x / max(size.y, 1.0)) @ camera.view_matrix()
     x, y, _, w = (float(v) for v in matrix @ np.array([*point, 1.0]))
     return ((0.5 + 0.5 * x / w) * size.x, (0.5 - 0.5 * y / w) * size.y) if w > 0.0 else None
@@ -92,18 +92,18 @@ HIDDEN_RADIUS_FRACTION = -0.1  # of the radius: what lies farther behind the joi
 
 @dataclass
 class Rings:
-    """Which ring the mouse holds, and which it is over; -1 for none."""
+    """Rotation rings of a gizmo: the dragged ring and the hovered one; -1 for none."""
 
     held: int = -1
     over: int = -1
 
     @property
     def used(self) -> bool:
-        """Whether the left button is in use here, or would be."""
+        """Whether the mouse is on a ring or drags one."""
         return max(self.held, self.over) >= 0
 
     def turn(self, camera: Camera, place: Array, axes: Array) -> Array | None:
-        """Draw the rings around `place` (3,), whose `axes` are columns (3, 3); how the mouse turned the held one, (4,) in the world."""
+        """Draw the rings around `place` (3,) with `axes` as columns (3, 3); return the drag's world rotation (4,), or None."""
         io = imgui.get_io()
         if on_screen(camera, place, io.display_size) is None:
             self.held = self.over = -1

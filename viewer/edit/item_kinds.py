@@ -34,7 +34,7 @@ TakeChange = Callable[[Take, Items, Items], tuple[Take, Items]]
 
 
 def item_kinds(editing: Resimulation, pins: Pins) -> dict[str, ItemKind]:
-    """Return every kind of item by its name, in the order of the tracks."""
+    """Return every kind of item by name, in track order."""
 
     def of_take(items: Callable[[Take], list[Item]]) -> Callable[[], list[Item]]:
         return lambda: [] if editing.take is None else items(editing.take)
@@ -107,12 +107,12 @@ def _points(keys: Sequence[Any], fps: float, kind: str) -> list[Item]:
 
 
 def camera_items(take: Take) -> list[Item]:
-    """Return the camera keys of a take."""
+    """Return the camera keys of a take as items."""
     return _points(take.cameras, take.made.header.fps, CAMERA_KEYS)
 
 
 def pose_items(take: Take) -> list[Item]:
-    """Return the keys of the pose layer of a take."""
+    """Return the keys of a take's pose layer as items."""
     return _points(take.poses.layer.keys, take.made.header.fps, POSE_KEYS)
 
 
@@ -142,7 +142,7 @@ def _pose_keys(take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
 
 
 def pin_items(take: Take) -> list[Item]:
-    """Return the pins of a take; the last frame of each is in it."""
+    """Return the pins of a take as items, which include their last frame."""
     header = take.made.header
     return [
         Item(start, max(last, start) + 1, PINS, pin, index)

@@ -28,14 +28,14 @@ class FileOpener:
 
     @property
     def by_ending(self) -> dict[str, Callable[[Path], None]]:
-        """What opens a file, by its ending."""
+        """The function that opens a file, by ending."""
         films = dict.fromkeys(VIDEOS, self.references.open_video)
         takes = dict.fromkeys(MOTIONS, partial(open_file, self.takes))
         models = dict.fromkeys(SUFFIXES, self._open_gltf)
         return {**self.scene.files, **takes, **models, **films, SUFFIX: self.sessions.open}
 
     def open(self, paths: Sequence[Path]) -> None:
-        """Open files by what their names say they are."""
+        """Open files according to their endings."""
         table = self.by_ending
         for path in paths:
             suffix = path.suffix.lower()
@@ -64,11 +64,11 @@ class FileOpener:
         jobs.submit(Slot("open", path), lambda: contents(path), opened, reading=path.name)
 
     def browse(self) -> None:
-        """Ask for any file that can be opened."""
+        """Show a dialog to choose any file that can be opened."""
         self.ask("Open a file", sorted(self.by_ending), lambda path: self.open([path]))
 
     def ask(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
-        """Ask for a file with one of some endings."""
+        """Show a dialog for files with the given endings."""
         start = Path(self.takes.settings.export_folder).expanduser()
         filters = [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"]
         start = start if start.is_dir() else Path.home()

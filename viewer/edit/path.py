@@ -40,7 +40,7 @@ GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.
 
 @dataclass
 class PathTool:
-    """The path of the live character, which it walks, or of the take that plays, which is resimulated along it."""
+    """Draws and edits a path: the live character walks it, a playing take is resimulated along it."""
 
     editor: Editor
     editing: Resimulation
@@ -64,12 +64,12 @@ class PathTool:
 
     @property
     def of_take(self) -> bool:
-        """Whether the path is that of a take that can be resimulated along another one."""
+        """Whether the path belongs to a take that can be resimulated."""
         return self.editing.take is not None and (not self.editing.fixed or self.editing.busy)
 
     @property
     def points(self) -> tuple[Waypoint, ...]:
-        """The points that were drawn; of a take without any, while they are edited, the path that it goes."""
+        """The path's points; for a take without any, while the tool is open, those of the way that it went."""
         take = self.take
         if take.path or take.motion is None or not (self.active and self.of_take):
             return take.path
@@ -85,12 +85,12 @@ class PathTool:
             return ()
 
     def follow(self, before: Session, now: Session) -> None:
-        """End the walk when the path is another one."""
+        """End the walk if the path has changed."""
         if before.live.path != now.live.path:
             self.walk = None
 
     def poll(self) -> None:
-        """Select a point that is there, of the take that is shown; call once a frame."""
+        """Keep the selection valid for the take that is shown; call once per frame."""
         number = self.take.number
         if number != self._subject:
             self._subject, self.active, self.selected = number, False, -1
@@ -112,7 +112,7 @@ class PathTool:
         self.editor.put(f"{label}{name}", number, held, path=points)
 
     def add(self, x: float, z: float, held: bool = False) -> None:
-        """Add a last point, with the speed and gait of the one before."""
+        """Append a point with the speed and gait of the previous one."""
         points = self.points
         if len(points) < MAX_POINTS:
             before = points[-1] if points else Waypoint(x, z)
@@ -120,14 +120,14 @@ class PathTool:
             self.selected = len(points)
 
     def change(self, **values: float | Gait) -> None:
-        """Change place, speed or gait of the selected point while the mouse holds it."""
+        """Change position, speed or gait of the selected point during a drag."""
         points, i = self.points, self.selected
         if 0 <= i < len(points):
             made = replace(points[i], **values)  # type: ignore[arg-type]
             self._put("point of the path", (*points[:i], made, *points[i + 1 :]), held=True)
 
     def delete(self) -> None:
-        """Remove the selected point; the one before is selected then."""
+        """Delete the selected point and select the one before."""
         points, i = self.points, self.selected
         if 0 <= i < len(points):
             self._put("removal of a point of the path", points[:i] + points[i + 1 :])
@@ -138,14 +138,14 @@ class PathTool:
         self.selected = -1
 
     def resimulate(self) -> None:
-        """Resimulate the take that plays along the points."""
+        """Resimulate the playing take along the path."""
         self.editor.finish_drag()
         self.editing.walk(self.points)
 
     # --- mouse
 
     def use_mouse(self, camera: Camera, terrain: Terrain) -> bool:
-        """Set, take and drag points in this frame; return whether the left button is the tool's."""
+        """Add, select and drag points with the mouse; return whether the tool uses the left button."""
         io, handles = imgui.get_io(), self._handles
         if not self.active:
             return False
@@ -183,7 +183,7 @@ class PathTool:
     # --- walking
 
     def start(self) -> None:
-        """Lead the character along the path from where it stands."""
+        """Start walking the path from the character's place."""
         if self.points:
             self.walk = PointPath(self.points).walk_from(self._place)
             self._time_s, self._begun = 0.0, True
@@ -192,7 +192,7 @@ class PathTool:
         self.walk = None
 
     def close(self) -> None:
-        """Set no more points."""
+        """Stop drawing."""
         self.active = False
 
     def walk_began(self) -> bool:
@@ -205,7 +205,7 @@ class PathTool:
         return PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
 
     def controls(self, own: Controls, dt: float) -> Controls:
-        """Return the path's stick while it is walked; any stick of the user ends the walk."""
+        """Return the controls for walking the path; moving the stick ends the walk."""
         walk = self.walk
         if walk is None or any(own.move):
             self.walk = None
@@ -221,7 +221,7 @@ class PathTool:
     # --- its part of the scene panel
 
     def draw(self, draw_pins: Callable[[float], None]) -> None:
-        """Draw or edit it, and walk it; `draw_pins` fills the row's end, of a width."""
+        """Draw the buttons to edit and walk the path; `draw_pins(width)` fills the end of the row."""
         third = widgets.column_width(3)
         of_take = self.of_take
         text, hint = ("Edit its path", TAKE_HINT) if of_take else ("Draw a path", DRAW_HINT)
@@ -241,7 +241,7 @@ class PathTool:
         draw_pins(third)
 
     def panel(self) -> Panel:
-        """Return the card of the selected point, over the view while points are set; Escape ends that."""
+        """Return the card of the selected point, shown while drawing; Escape ends drawing."""
         return Panel("Point", PanelPlace.VIEW, self._draw_card, shown=lambda: self.active, close=self.close)
 
     def _draw_card(self, view: Rect) -> None:

@@ -41,7 +41,7 @@ HELD_LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT
 
 @dataclass
 class Pins:
-    """Actions on the pins and footplants of the take that plays, or on the pins of the live character."""
+    """Edits pins and footplants of the playing take, or pins of the live character."""
 
     editor: Editor
     editing: Resimulation
@@ -64,12 +64,12 @@ class Pins:
 
     @property
     def fixed(self) -> str:
-        """Why nothing can be changed; "" when it can."""
+        """The reason why pins cannot be edited, or ""."""
         return "It is being resimulated…" if self.playback is not None and self.editing.busy else ""
 
     @property
     def pins(self) -> tuple[Pin, ...]:
-        """The pins of the take that plays, or those that the live character holds."""
+        """The pins of the playing take, or those that the live character holds."""
         pins = self.take.poses.pins
         return held_pins(pins) if self.playback is None else pins
 
@@ -78,12 +78,12 @@ class Pins:
         return self.pins[self.selected] if 0 <= self.selected < len(self.pins) else None
 
     def follow(self, before: Session, now: Session) -> None:
-        """Select no pin that is gone."""
+        """Deselect a pin that no longer exists."""
         if self._subject == self.take.number and self.selected >= len(self.pins):
             self.selected = -1
 
     def poll(self) -> None:
-        """Select nothing where another take plays; call once a frame."""
+        """Deselect the pin when another take plays; call once per frame."""
         number = LIVE if self.playback is None else self.playback.number
         if self._subject != number:
             self._subject, self.selected, self._handles.held = number, -1, -1
@@ -91,7 +91,7 @@ class Pins:
     # --- pins
 
     def add(self, what: Pinned) -> None:
-        """Pin a part of the body where it is: for a second from the frame shown on, or live until it is let go."""
+        """Pin a body part where it is: for a second from the frame shown, or live until released."""
         playback, pose, pins = self.playback, self._pose(), self.take.poses.pins
         if playback is None:
             now = self.scene.now
@@ -111,7 +111,7 @@ class Pins:
         self.selected = len(self.pins) - 1
 
     def toggle_live(self, what: Pinned) -> None:
-        """Pin a part of the live character where it is, or let it go."""
+        """Pin a body part of the live character where it is, or release it."""
         at = next((i for i, pin in enumerate(self.pins) if pin.what is what), None)
         if at is None:
             self.add(what)
@@ -120,7 +120,7 @@ class Pins:
             self.delete()
 
     def delete(self) -> None:
-        """Remove the selected pin; a live one is let go, and stays in what was recorded of it."""
+        """Delete the selected pin; a live pin is released and stays in the recording."""
         pin, pins = self.pin, self.take.poses.pins
         if pin is not None:
             kept = tuple(p for p in pins if p is not pin)
@@ -130,20 +130,20 @@ class Pins:
             self.selected = -1
 
     def change(self, pin: Pin) -> None:
-        """Change point, time or kind of the selected pin while the mouse holds its field or handle."""
+        """Change the selected pin while its field or handle is dragged."""
         old, pins = self.pin, self.take.poses.pins
         if old is not None and pin != old:
             self._put(f"pin of the {pin.what}", tuple(pin if p is old else p for p in pins), held=True)
 
     def try_change(self, make: Callable[[], Pin]) -> None:
-        """Do as `change` with the pin that `make` returns; post its SportError."""
+        """Call `change` with the pin that `make` returns; show its SportError as a message."""
         try:
             self.change(make())
         except SportError as error:
             self.editor.messages.error(error)
 
     def put_along(self, pin: Pin, along: bool) -> None:
-        """Let the point go with the character, or stay in the world: where it is now."""
+        """Attach the pin to the character, or fix it in the world, at its current position."""
         pose = self._pose()
         places = in_world(pin, pose.hips_position, pose.local_rotations[0])
         if along:
@@ -152,7 +152,7 @@ class Pins:
         self.change(replace(pin, along=along, point=point, rail=rest[0] if rest else None))
 
     def put_rail(self, pin: Pin, rail: bool) -> None:
-        """Give the pin a rail in the world, as far as the body goes while it holds or two metres ahead, or take it away."""
+        """Add a rail to the pin, along the body's movement while it holds or two metres ahead, or remove it."""
         if not rail:
             self.change(replace(pin, rail=None))
             return
@@ -167,7 +167,7 @@ class Pins:
         self.change(replace(pin, along=False, point=_triple(point), rail=_triple(point + way)))
 
     def close(self) -> None:
-        """Select nothing."""
+        """Deselect the pin."""
         self.selected = -1
 
     def _put(self, label: str, pins: tuple[Pin, ...], held: bool = False) -> None:
@@ -185,7 +185,7 @@ class Pins:
             self.editor.messages.note(f"{take.title}: {label}. Ctrl+Z undoes it.")
 
     def reach(self) -> float:
-        """Return metres from the selected pin of a take to what it holds in the worst frame, where that is much; else 0."""
+        """Return the largest distance (metres) of the held part from its pin in any frame, or 0 if it is small."""
         playback, pin = self.playback, self.pin
         if playback is None or pin is None or playback.shown is not playback.take:
             return 0.0
@@ -195,14 +195,14 @@ class Pins:
     # --- footplants
 
     def planted_frames(self, take: Take, foot: int) -> list[Frames]:
-        """Return when a foot of a take bears, with its footplants and without its pins."""
+        """Return the frame ranges in which a foot of a take is planted, with footplant edits and without pins."""
         key, known = (take.made, take.mirrored, take.poses.footplants), self._planted
         if known is None or known[0] != key:
             known = self._planted = key, replanted(take.base_clip, take.poses.footplants)
         return footplants(known[1].contacts[:, 2 * foot : 2 * foot + 2])
 
     def footplants(self, foot: int) -> list[Frames]:
-        """Return when a foot of the take that plays bears; while one is dragged, as it would."""
+        """Return the planted frame ranges of a foot of the playing take, including a drag in progress."""
         playback = self.playback
         if playback is None:
             return []
@@ -233,7 +233,7 @@ class Pins:
 
     @property
     def place(self) -> Array | None:
-        """Where the selected pin is `(3,)`; None without one that has a place."""
+        """The selected pin's position `(3,)`, or None."""
         return next((place for i, _, place in self._points() if i == self.selected), None)
 
     def overlay(self) -> PinOverlay | None:
@@ -245,7 +245,7 @@ class Pins:
         return PinOverlay(np.array([p for _, _, p in points]), lit, np.array(rails).reshape(-1, 2, 3))
 
     def use_mouse(self, camera: Camera) -> bool:
-        """Take and drag handles in this frame; return whether the left button is in use here."""
+        """Grab and drag handles of pins; return whether the left button is in use."""
         points, handles = self._points(), self._handles
         moves = handles.use_mouse(camera, np.array([place for _, _, place in points]))
         if not 0 <= handles.held < len(points):
@@ -266,14 +266,14 @@ class Pins:
     # --- panels
 
     def panel(self) -> Panel:
-        """Return the card of the selected pin over the view; Escape closes it."""
+        """Return the card of the selected pin; Escape closes it."""
         return Panel(
             "Pin", PanelPlace.VIEW, lambda view: _draw_card(self, view), shown=lambda: self.pin is not None,
             close=self.close,
         )  # fmt: skip
 
     def draw_live(self, key_camera: Callable[[], None], width: float) -> None:
-        """Draw a button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
+        """Draw the button for pins of the live character, which holds chosen parts where they are."""
         held = [pin.what for pin in self.pins] if self.playback is None else []
         hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
         text = "Hold…" if not held else f"Holds {len(held)}"

@@ -58,7 +58,7 @@ STILL_M = 1e-6
 
 @dataclass
 class Posing:
-    """The tool: whether it is open, the joint that is picked, and what the gizmo does."""
+    """The posing tool: whether it is open, the picked joint, and the gizmo's mode."""
 
     editor: Editor
     takes: Takes
@@ -75,7 +75,7 @@ class Posing:
 
     @property
     def shown(self) -> bool:
-        """Whether a take can be posed in the view now."""
+        """Whether a take can be posed now."""
         return self._posed is not None
 
     @property
@@ -85,23 +85,23 @@ class Posing:
 
     @property
     def place(self) -> Array | None:
-        """Where the picked joint is `(3,)`."""
+        """Position `(3,)` of the picked joint, or None."""
         playback = self.takes.playback
         return None if playback is None or self.joint < 0 else playback.pose().positions[self.joint]
 
     @property
     def layer(self) -> PoseLayer:
-        """The pose layer of the take that plays."""
+        """The pose layer of the playing take."""
         return PoseLayer() if self.takes.playback is None else self.takes.playback.take.poses.layer
 
     @property
     def key(self) -> PoseKey | None:
-        """The key at the frame shown."""
+        """The pose key at the frame shown, or None."""
         playback = self.takes.playback
         return None if playback is None else self.layer.key_at(playback.frame, playback.clip.fps)
 
     def toggle(self) -> None:
-        """Begin to pose, or end it."""
+        """Open or close the tool."""
         self.open = not self.open
         if self.open:
             self.pins.close()
@@ -109,13 +109,13 @@ class Posing:
                 self.takes.playback.seek(self.takes.playback.frame)
 
     def close(self) -> None:
-        """Pick no joint, then end it."""
+        """Deselect the joint, or close the tool if none is picked."""
         self.open, self.joint = self.joint >= 0 and self.open, -1
 
     # --- edits
 
     def edit(self, label: str, change: Callable[[PoseKey], PoseKey], held: bool = False) -> None:
-        """Key what `change` makes of the pose shown; `held`: while the mouse holds the gizmo."""
+        """Key the pose that `change` makes of the shown one; `held` while the gizmo is dragged."""
         playback = self.takes.playback
         if playback is not None:
             fps = playback.clip.fps
@@ -153,7 +153,7 @@ class Posing:
         self.put(f"{'release' if release else 'key'} of the {NAMES[joint].lower()}", change)
 
     def remove_joint(self) -> None:
-        """Take the picked joint out of the key at the frame shown, and a key that holds nothing more away."""
+        """Remove the picked joint from the key at the frame shown; an empty key is deleted."""
         key, joint, playback = self.key, self.joint, self.takes.playback
         if key is not None and playback is not None:
             left = key
@@ -167,7 +167,7 @@ class Posing:
             )
 
     def set_tangent(self, tangent: Tangent) -> None:
-        """Set how the curves pass the key at the frame shown."""
+        """Set the tangent mode of the key at the frame shown."""
         key, playback = self.key, self.takes.playback
         if key is not None and playback is not None and key.tangent is not tangent:
             made = replace(key, tangent=tangent)
@@ -176,7 +176,7 @@ class Posing:
     # --- poses
 
     def copy(self) -> None:
-        """Remember the pose shown."""
+        """Copy the shown pose."""
         playback = self.takes.playback
         if playback is not None:
             pose = playback.pose()
@@ -184,7 +184,7 @@ class Posing:
             self.editor.messages.note("Pose copied. Paste it at another frame, or into another take.")
 
     def paste(self, mirror: bool = False) -> None:
-        """Key the copied pose at the frame shown, or its mirror image."""
+        """Key the copied pose, or its mirror image, at the frame shown."""
         playback = self.takes.playback
         if playback is None or self._copied is None:
             self.editor.messages.note("Copy a pose first.")
@@ -197,7 +197,7 @@ class Posing:
     # --- in the view
 
     def use_mouse(self, camera: Camera) -> bool:
-        """Pick a joint in this frame; return whether the left button is in use here."""
+        """Pick a joint with the mouse; return whether the left button is in use."""
         playback = self._posed
         if playback is None:
             return False
@@ -218,7 +218,7 @@ class Posing:
         return True
 
     def panel(self) -> Panel:
-        """Return the card, with dots and gizmo in the view; Escape lets the joint go, then closes it."""
+        """Return the tool's card, with joint dots and gizmo in the view; Escape deselects the joint, then closes."""
         return Panel("Pose", PanelPlace.VIEW, self._draw, shown=lambda: self.shown, close=self.close)
 
     def _draw(self, view: Rect) -> None:

@@ -43,7 +43,7 @@ LIMITS = {  # of fields that are dragged
 
 
 class Look(StrEnum):
-    """Who moves as the reference does."""
+    """The body that shows the reference."""
 
     TAKE = "As the take"  # the character on the stage
     SKELETON = "Its own skeleton"  # that of its file
@@ -61,7 +61,7 @@ def _lies_in(folder: Path, path: Path) -> bool:
 
 @dataclass
 class References:
-    """What is compared with the take that plays, from where that begins: what the session says, with what was loaded for it."""
+    """The reference that plays in sync with the take: another take or a film, loaded as the session asks."""
 
     editor: Editor
     takes: Takes
@@ -82,7 +82,7 @@ class References:
 
     @property
     def take(self) -> Take | None:
-        """The take that is compared with, None where it is a film or nothing."""
+        """The reference take, or None for a film or no reference."""
         reference = self.editor.session.reference
         if reference is None or reference.video or reference.take == LIVE:
             return None
@@ -90,7 +90,7 @@ class References:
 
     @property
     def look(self) -> Look:
-        """Who shows it, as far as that is there."""
+        """The body that shows the reference, as far as it is available."""
         chosen = self.reference.look
         default = Look.SKELETON if self.take is not None and self.take.own is not None else Look.TAKE
         return Look(chosen) if chosen in self.looks else default
@@ -116,7 +116,7 @@ class References:
     # --- edits
 
     def show(self, number: int) -> None:
-        """Compare with a take of the list; the same again shows none."""
+        """Use a take of the list as reference; choosing it again removes it."""
         if self.take is not None and self.take.number == number:
             self.close()
             return
@@ -130,13 +130,13 @@ class References:
             self.editor.do("end of the comparison", lambda session: replace(session, reference=None))
 
     def set(self, held: bool = False, **values: Any) -> None:
-        """Set fields of the reference; `held`: while the mouse holds the field."""
+        """Set fields of the reference; `held` during a drag."""
         made = replace(self.reference, **values)
         change = self.editor.drag if held else self.editor.do
         change("place of the reference", lambda session: replace(session, reference=made))
 
     def open_video(self, path: Path) -> None:
-        """Show a film with the take that plays, or that plays next."""
+        """Use a film as reference for the playing take, or the next one played."""
         made, settings = Reference(video=str(path.absolute())), self.takes.settings
         settings.known_films = remembered(made.video, settings.known_films)
 
@@ -149,7 +149,7 @@ class References:
         self.takes.jobs.submit(VIDEO, partial(read_video, path), take, reading=path.name)
 
     def open_character(self, path: Path) -> None:
-        """Let the character of a file show the reference."""
+        """Show the reference with the character of a file."""
         scene = self.takes.scene
 
         def take(loaded: tuple[CharacterChoice, Path | None, Any]) -> None:
@@ -160,7 +160,7 @@ class References:
         self.takes.jobs.submit(CHARACTER, partial(scene.read_character, path), take, reading=path.name)
 
     def follow(self, before: Session, now: Session) -> None:
-        """Load what the session names and is not there."""
+        """Load what the session's reference needs."""
         reference, jobs = self.reference, self.takes.jobs
         if reference.video != self._video_path:
             self.video, self._video_path = None, reference.video
@@ -189,7 +189,7 @@ class References:
     # --- what is shown
 
     def time_s(self, playback: Playback) -> float:
-        """Return the reference's own time at the one that is shown of the take."""
+        """Return the reference's own time (seconds) for the shown time of the take."""
         return playback.time_s - playback.start_s + self.reference.offset_s
 
     def _clip_of(self, take: Take) -> Clip | None:
@@ -205,7 +205,7 @@ class References:
         return self._clip[1]
 
     def pose(self, playback: Playback) -> Pose | None:
-        """Return the reference in our skeleton at the time that is shown of the take; None where there is none."""
+        """Return the reference's pose on our skeleton at the shown time, or None."""
         take = self.take
         if not self.shown or take is None:
             return None
@@ -223,7 +223,7 @@ class References:
         return make_pose(hips, local, pose.contacts, ground, pose.root_yaw + turn)
 
     def figure(self, playback: Playback, pose: Pose) -> Figure | None:
-        """Return the reference at `pose` as a character of another mesh; None where the character on the stage shows it."""
+        """Return the reference as a figure with another mesh, or None if the live character's mesh shows it."""
         if self.look is Look.CHARACTER and self.character is not None:
             return Figure(self.character, self.character.skin_matrices(pose), pose, ghost=self.reference.over)
         take = self.take
@@ -257,7 +257,7 @@ class References:
 
 @dataclass(frozen=True, eq=False)
 class Bones:
-    """A mesh of spindles (see `SkinnedMesh`), one a bone, all along +Y with length 1 until a pose is given."""
+    """A mesh of spindles, one per bone, each along +Y with length 1 in its rest pose."""
 
     ends: AnyArray  # (B, 2) points of the skeleton
     positions: AnyArray
@@ -268,11 +268,11 @@ class Bones:
     triangles: AnyArray
 
     def skin_matrices(self, pose: Pose) -> Array:
-        """Raise NotImplementedError: the matrices of bones are made of their points."""
+        """Raise NotImplementedError; bones are posed by points, see `matrices`."""
         raise NotImplementedError("bones follow points: `matrices`")
 
     def matrices(self, points: Array) -> Array:
-        """Return the matrices `(B, 4, 4)` that put each spindle between its two `points` `(K, 3)`."""
+        """Return the matrices `(B, 4, 4)` that place each spindle between its two `points` `(K, 3)`."""
         start, along = points[self.ends[:, 0]], points[self.ends[:, 1]] - points[self.ends[:, 0]]
         length = np.maximum(np.linalg.norm(along, axis=1), 1e-6)
         up = along / length[:, None]
@@ -289,7 +289,7 @@ class Bones:
 
 
 def bones_of(own: OwnSkeleton) -> Bones:
-    """Return the spindles of a skeleton; of more than can be drawn the longest."""
+    """Return the bones of a skeleton as a mesh; only the longest if there are too many to draw."""
     ends = np.array([(parent, k) for k, parent in enumerate(own.parents) if parent >= 0], np.int64).reshape(
         -1, 2
     )

@@ -31,7 +31,7 @@ Browse = Callable[[str, tuple[str, ...], Callable[[Path], None]], None]  # title
 
 @dataclass
 class ReferenceCard:
-    """The card of a reference, and the menu that chooses it; `browse` chooses a file."""
+    """The card of a reference and its menu; `browse` shows a file dialog."""
 
     reference: References
     browse: Browse
@@ -53,7 +53,7 @@ class ReferenceCard:
         )
 
     def menu(self) -> None:
-        """Draw the entries of a menu: the other takes of the list, and a file."""
+        """Draw the menu entries: the other takes, and a file."""
         reference = self.reference
         played = reference.takes.played
         others = [take for take in reference.takes.session.takes if played and take.number != played.number]

@@ -45,7 +45,7 @@ Work = Callable[[Clip, InputRecording, Steppable, Callable[[float], None]], tupl
 
 @dataclass
 class Resimulation:
-    """Actions of the timeline that resimulate the take that plays; also what is typed for them."""
+    """Edits of the playing take that need resimulation, and the text typed for them."""
 
     takes: Takes
     prompting: PromptController
@@ -71,17 +71,17 @@ class Resimulation:
 
     @property
     def busy(self) -> bool:
-        """Whether the take that plays is being resimulated."""
+        """Whether the playing take is being resimulated."""
         return self.take is not None and self.takes.jobs.busy(replace(RESIMULATION, of=self.take.number))
 
     @property
     def progress(self) -> float:
-        """How much of the take that plays was resimulated."""
+        """Progress of the playing take's resimulation, 0 to 1."""
         return 0.0 if self.take is None else self._done.get(self.take.number, 0.0)
 
     @property
     def model(self) -> Controller | None:
-        """The model that made the take that plays, when it is the one that is loaded."""
+        """A controller with the playing take's model, or None if that model is not loaded."""
         playback, controller = self.takes.playback, self.takes.scene.simulation.controller
         if playback is None or controller is None or playback.take.motion is None:
             return None
@@ -93,7 +93,7 @@ class Resimulation:
 
     @property
     def fixed(self) -> str:
-        """Why the take that plays cannot be resimulated; "" when it can."""
+        """The reason why the playing take cannot be resimulated, or ""."""
         playback = self.takes.playback
         if playback is None or playback.take.motion is None:
             return "No take plays."
@@ -122,7 +122,7 @@ class Resimulation:
     # --- prompts
 
     def reword(self, index: int, request: Request) -> None:
-        """Change the words of a prompt of the take, by its place; empty ones change nothing."""
+        """Change the words of prompt number `index` of the take; empty text changes nothing."""
         mark = self.tracks and self.tracks.prompts[index]
         if not mark or (isinstance(request, str) and not request.strip()):
             return
@@ -158,7 +158,7 @@ class Resimulation:
             )
 
     def style(self, frame: int, request: Request, known: Answer | None) -> StyleChange:
-        """Return the style of a request from a frame on; waits for the answer, so call it on a worker."""
+        """Return the style change for a request at a frame; blocks for the answer, so call it on a worker."""
         answer, seconds = self.prompting.answer(request), self.takes.settings.blend_seconds
         if isinstance(request, PartDescriptions):
             base = known or dataclasses.replace(answer, prompt="")
@@ -185,7 +185,7 @@ class Resimulation:
     def again(
         self, label: str, edit: Callable[[InputRecording], Edit], also: Change = lambda session: session
     ) -> None:
-        """Resimulate the take that plays by the recorded stick after an edit of its input."""
+        """Resimulate the playing take with its recorded stick, after an edit of its input."""
 
         def work(
             driven: Clip, inputs: InputRecording, model: Steppable, progress: Callable[[float], None]
@@ -196,7 +196,7 @@ class Resimulation:
         self.run(label, work, also=also)
 
     def walk(self, points: tuple[Waypoint, ...]) -> None:
-        """Resimulate the take that plays along another path."""
+        """Resimulate the playing take along another path."""
 
         if points:
             from runtime.takes.take_path import resimulated_along
@@ -212,7 +212,7 @@ class Resimulation:
     def run(
         self, label: str, work: Work, path: tuple[Waypoint, ...] = (), also: Change = lambda session: session
     ) -> None:
-        """Resimulate the take that plays by `work`, on a worker thread; the step makes the change `also` at once."""
+        """Resimulate the playing take with `work` on a worker thread; the change `also` applies at once."""
         take, model = self.take, self.model
         if take is None or model is None or self.fixed:
             self.takes.messages.warn(self.fixed)
@@ -250,7 +250,7 @@ class Resimulation:
         done: Callable[[Any], None],
         also: Change = lambda session: session,
     ) -> None:
-        """Have a worker make the step of an edit from the input of a take."""
+        """Run `work` on a worker, as a step of undo whose result arrives later."""
         slot, ended, jobs = replace(RESIMULATION, of=take.number), threading.Event(), self.takes.jobs
         self._done[take.number] = 0.0
 
@@ -268,7 +268,7 @@ class Resimulation:
     # --- going on
 
     def go_on(self) -> None:
-        """Drive the live character from the frame shown, with the take's ground and prompt."""
+        """Continue with the live character from the frame shown, on the take's terrain and with its prompt."""
         take, playback, model = self.take, self.playback, self.model
         if take is None or playback is None or model is None or self.fixed:
             self.takes.messages.warn(self.fixed)
@@ -327,10 +327,7 @@ LATE_S = 0.15  # by which the new take may be off the time of the clip without a
 
 
 def restyle(editing: Resimulation, prompt: str) -> None:
-    """Walk the take that plays along its path and at its time by a prompt, on the ground in force.
-
-    What comes of it is a take like any other; the clip that led it stays beside it as its reference.
-    """
+    """Walk the playing take's path with another prompt, on the current terrain. The result is a new take, with the original as its reference."""
     takes, playback = editing.takes, editing.playback
     controller = takes.scene.simulation.controller
     if playback is None or controller is None or editing.busy or not prompt.strip():

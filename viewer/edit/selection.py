@@ -20,7 +20,7 @@ NUDGE_FRAMES = {False: 1, True: 10}  # of an arrow key, and with Shift
 
 @dataclass
 class Selection:
-    """Which items are selected, and what was copied."""
+    """Selected items of the tracks and the takes list, and copied ones."""
 
     editing: Resimulation
     kinds: dict[str, ItemKind] = field(default_factory=dict)
@@ -32,27 +32,27 @@ class Selection:
 
     @property
     def number(self) -> int:
-        """The take whose tracks are shown."""
+        """Number of the take whose tracks are shown."""
         return LIVE if self.editing.take is None else self.editing.take.number
 
     def all(self, kinds: Iterable[str]) -> list[Item]:
-        """Return the items of some kinds."""
+        """Return all items of the given kinds."""
         return [item for kind in kinds for item in self.kinds[kind].items()]
 
     @property
     def items(self) -> list[Item]:
-        """What is selected."""
+        """The selected items."""
         if not self.keys:
             return []
         return [item for item in self.all(self.kinds) if item.key in self.keys]
 
     @property
     def listed(self) -> bool:
-        """Whether what is selected lies in a list."""
+        """Whether the selection is in a list rather than on a track."""
         return any(self.kinds[key[0]].listed for key in self.keys)
 
     def poll(self) -> None:
-        """Let go of what is on the tracks of another take; call once a frame."""
+        """Deselect items on the tracks of another take; call once per frame."""
         if self._subject != self.number:
             self._subject, self.preview = self.number, None
             self.keys = frozenset(key for key in self.keys if self.kinds[key[0]].listed)
@@ -64,7 +64,7 @@ class Selection:
     # --- what is selected
 
     def pick(self, items: Iterable[Item], extend: bool = False) -> None:
-        """Select items; with `extend` next to what is selected, or not any more where all of them are."""
+        """Select items; `extend` adds them, or removes them if all are selected already."""
         new = frozenset(item.key for item in items)
         kept = frozenset(
             k for k in self.keys if all(self.kinds[k[0]].listed is self.kinds[n[0]].listed for n in new)
@@ -72,12 +72,12 @@ class Selection:
         self.keys = (kept - new if new <= kept else kept | new) if extend else new
 
     def pick_all(self) -> None:
-        """Select every item of the kinds that are selected; of all tracks where none is."""
+        """Select all items of the selected kinds, or of all tracks."""
         tracks = {name for name, kind in self.kinds.items() if not kind.listed}
         self.pick(self.all({key[0] for key in self.keys} or tracks))
 
     def let_go(self) -> bool:
-        """Select nothing; return whether anything was."""
+        """Deselect everything; return whether anything was selected."""
         was, self.keys = bool(self.keys), frozenset()
         return was
 
@@ -96,7 +96,7 @@ class Selection:
         self.delete()
 
     def paste(self) -> None:
-        """Put what was copied with its first item at the frame shown."""
+        """Paste the copied items, the first at the frame shown."""
         playback = self.editing.playback
         if self.copied and self.kinds[self.copied[0].kind].listed:
             self.replace("paste", [], self.copied)
@@ -104,7 +104,7 @@ class Selection:
             self._put_again("paste", self.copied, playback.frame - min(item.start for item in self.copied))
 
     def duplicate(self) -> None:
-        """Put what is selected once more behind itself, or before itself where there is no room."""
+        """Duplicate the selected items behind themselves, or before if there is no room."""
         items, playback = self.items, self.editing.playback
         if items and self.listed:
             self.replace("duplicate", [], items)
@@ -126,7 +126,7 @@ class Selection:
             self.editing.takes.messages.note("There is no room for that in the take.")
 
     def moved(self, items: Items, by: int) -> list[Item]:
-        """Return the items so many frames later, all of them within the take; what ends with it keeps that end."""
+        """Return the items shifted by `by` frames, as far as the take allows; one that ends with the take keeps that end."""
         end = self._end
 
         def at_end(item: Item) -> bool:
@@ -147,23 +147,23 @@ class Selection:
         return 0 if self.editing.playback is None else self.editing.playback.frames
 
     def resized(self, item: Item, by: int, start: bool) -> Item:
-        """Return the item with one end so many frames later."""
+        """Return the item with its start or end shifted by `by` frames."""
         end = self._end
         if start:
             return item.at(min(max(item.start + by, 0), item.end - 1), item.end)
         return item.at(item.start, max(min(item.end + by, end), item.start + 1))
 
     def nudge(self, by: int) -> None:
-        """Move what is selected by frames, or by places of its list."""
+        """Move the selected items by frames, or by positions in a list."""
         items = self.items
         if items:
             listed = [item.at(item.start + by, item.end + by) for item in items]
             self.replace("move", items, listed if self.listed else self.moved(items, by))
 
     def replace(self, label: str, gone: Items, put: Items, held: bool = False) -> None:
-        """Take items away and put others, which are selected then, as one step of undo.
+        """Replace items by others and select these, as one step of undo.
 
-        `held`: while the mouse moves them; what would be resimulated is shown as a preview until the mouse lets go.
+        `held` during a drag; an edit that needs resimulation is previewed until the mouse is released.
         """
         if list(gone) == list(put) and not held:
             self.preview = None
@@ -236,7 +236,7 @@ class Selection:
             editor.finish_drag()
 
     def named(self, items: Items) -> str:
-        """Return the items in words: one by its kind, several by their number."""
+        """Return a phrase for the items: one by its kind, several by count."""
         kinds = {self.kinds[item.kind].name for item in items}
         name = kinds.pop() if len(kinds) == 1 else "item"
         article = "an" if name[0] in "aeiou" else "a"
@@ -245,7 +245,7 @@ class Selection:
     # --- keys and menu
 
     def use_keys(self) -> None:
-        """Act on the keys of this frame."""
+        """Run the commands of keys pressed in this frame."""
         for _, _, chord, act, enabled in self._commands:
             if chord and enabled and imgui.is_key_chord_pressed(chord):
                 act()
@@ -257,7 +257,7 @@ class Selection:
                 self.nudge(frames)
 
     def menu(self) -> None:
-        """Draw the entries of a right click."""
+        """Draw the context menu entries."""
         for text, keys, _, act, enabled in self._commands:
             if widgets.item(text, keys, enabled=enabled):
                 act()

@@ -45,7 +45,7 @@ TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
 
 @dataclass(frozen=True)
 class Held:
-    """A mark in the mouse since the frame `grabbed`, with the items that move with it and the frames that they snap to."""
+    """A mark being dragged since frame `grabbed`, with the items that move along and the frames to snap to."""
 
     key: str
     mark: Mark
@@ -60,7 +60,7 @@ class Held:
 
 @dataclass
 class Timeline:
-    """The frames that are shown, what the mouse holds on the tracks, and what was drawn of them."""
+    """State of the timeline: the frames in view, the drag in progress, and cached drawings."""
 
     trim: Callable[[int | None, int | None], None]  # first and last frame, while the mouse holds a handle
     selection: Selection
@@ -75,7 +75,7 @@ class Timeline:
     _kept: dict[str, tuple[Any, Shapes]] = field(default_factory=dict)
 
     def fit(self, selection: tuple[int, int] | None = None) -> None:
-        """Show the whole take, or these frames with a little around them."""
+        """Show the whole take, or the given frames with a margin."""
         first, last = selection or (0, self.shown.end)
         around = 0.0 if selection is None else 0.05 * (last - first)
         self.shown = self.shown.fitted(first - around, last + around)
@@ -100,10 +100,7 @@ class Timeline:
         self._of = playback.number, now
 
     def draw(self, tracks: Sequence[Track], playback: Playback, selection: tuple[int, int]) -> None:
-        """Draw the tracks, one below the other, as tall as there is room; in less height than they need they scroll.
-
-        A button shows the frames of the `selection`.
-        """
+        """Draw the tracks to fit the available height, with scrolling if they need more. A button zooms to the `selection`."""
         self._follow(playback)
         room = imgui.get_content_region_avail()
         tracks, tall = _fitting(tracks, room.y / px(1.0))

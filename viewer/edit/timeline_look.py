@@ -28,7 +28,7 @@ SELECTED_TINT = (1.0, 1.0, 1.0, 0.9)
 
 @dataclass(frozen=True)
 class Range:
-    """The frames that the timeline shows, of a take whose last frame is `end`."""
+    """The frames in view, of a take whose last frame is `end`."""
 
     first: float
     last: float
@@ -42,7 +42,7 @@ class Range:
         return self.first <= frame <= self.last
 
     def fitted(self, first: float, last: float) -> Range:
-        """Return these frames, or as many that lie within the take."""
+        """Return the range moved and clamped to lie within the take."""
         frames = min(max(last - first, MIN_SHOWN_FRAMES), self.end)
         first = min(max(first, 0.0), self.end - frames)
         return replace(self, first=first, last=first + frames)
@@ -51,13 +51,13 @@ class Range:
         return self.fitted(self.first + frames, self.last + frames)
 
     def zoomed(self, at: float, steps: float) -> Range:
-        """Return the range wheel steps closer to the frame `at`, which stays where it is."""
+        """Return the range zoomed by wheel steps around the frame `at`."""
         scale = max(ZOOM_STEP_FACTOR**steps, MIN_SHOWN_FRAMES / max(self.frames, 1.0))
         return self.fitted(at - (at - self.first) * scale, at + (self.last - at) * scale)
 
 
 class Part(Enum):
-    """What the mouse holds of a mark."""
+    """The part of a mark that is dragged."""
 
     BODY = auto()
     START = auto()
@@ -66,10 +66,10 @@ class Part(Enum):
 
 @dataclass(frozen=True)
 class Track:
-    """One row of the timeline.
+    """A row of the timeline.
 
-    Marks with an item are selected, moved and so on by the selection. `move` takes a handle of the ruler to another frame.
-    `more` are entries of a right click on a free frame.
+    Marks with an item belong to the selection. `move` drags a handle of the ruler to another frame. `more` are context
+    menu entries for free frames.
     """
 
     key: str
@@ -88,7 +88,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Row:
-    """A track on the screen: where it lies, and how frames map to it."""
+    """A track's screen rectangle, and its mapping from frames to pixels."""
 
     track: Track
     left: float
@@ -103,7 +103,7 @@ class Row:
         return self.left + self.width
 
     def ends(self, mark: Mark) -> tuple[float, float]:
-        """Return the screen positions of a mark's ends, which may lie outside the row; a span among neighbours has a least width."""
+        """Return the screen positions of a mark's ends, which may be outside the row; adjacent spans have a minimum width."""
         left, right = self.x(mark.start), self.x(min(mark.end, self.shown.end))
         more = (px(MIN_SPAN_PX) - (right - left)) / 2 if self.track.adjacent else 0.0
         return left - max(more, 0.0), right + max(more, 0.0)
@@ -112,14 +112,14 @@ class Row:
         return self.left + (frame - self.shown.first) / max(self.shown.frames, 1.0) * self.width
 
     def frame_at(self, x: float) -> int:
-        """Return the frame under a screen position, of those that are shown."""
+        """Return the frame under a screen position, clamped to those in view."""
         along = min(max((x - self.left) / max(self.width, 1.0), 0.0), 1.0)
         return round(self.shown.first + along * self.shown.frames)
 
 
 @dataclass
 class Shapes:
-    """What a group of rows looks like, as a drawing list takes it."""
+    """Draw commands for a group of rows."""
 
     rows: list[Row] = field(default_factory=list)
     rects: list[tuple[imgui.ImVec2, imgui.ImVec2, int, float]] = field(default_factory=list)
@@ -134,7 +134,7 @@ class Shapes:
         self.rects.append((low, high, widgets.packed(tint), rounding))
 
     def text(self, x: float, row: Row, text: str, tint: Color, width: float, size: float = 0.0) -> None:
-        """Words in the middle of a row's height, cut to a width; none where less than three letters fit."""
+        """Add vertically centred text, shortened to a width; omitted if fewer than three letters fit."""
         size = size or min(max(TEXT_FRACTION * row.height / px(1.0), MIN_LETTER_PX), theme.FONT_SIZE_PX)
         imgui.push_font(None, size)
         y, shown = row.top + (row.height - imgui.get_text_line_height()) / 2, widgets.elided(text, width)
@@ -143,7 +143,7 @@ class Shapes:
         imgui.pop_font()
 
     def draw(self, *lines: tuple[imgui.ImVec2, imgui.ImVec2, int, float]) -> None:
-        """Draw everything, and lines below the texts."""
+        """Draw everything, with `lines` below the texts."""
         drawing = imgui.get_window_draw_list()
         for rect in [*self.rects, *lines]:
             drawing.add_rect_filled(*rect)
@@ -179,12 +179,12 @@ def draw_mark(shapes: Shapes, row: Row, mark: Mark, tint: Color, lit: bool, chos
 
 
 def base_of(row: Row) -> float:
-    """Return where the numbers of the ruler end."""
+    """Return the bottom of the ruler's numbers."""
     return row.top + row.height * 0.62
 
 
 def dim(shapes: Shapes, row: Row, kept: tuple[int, int]) -> None:
-    """Darken what the trim leaves out."""
+    """Darken the frames outside the trim."""
     first, last = (min(max(row.x(frame), row.left), row.right) for frame in kept)
     for left, right in ((row.left, first), (last, row.right)):
         if right - left > 1.0:
@@ -192,7 +192,7 @@ def dim(shapes: Shapes, row: Row, kept: tuple[int, int]) -> None:
 
 
 def draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
-    """Draw numbers from the frame `zero` on, and what the trim keeps."""
+    """Draw the ruler, numbered from frame `zero`, and the trimmed range."""
     base, bottom, shown = base_of(row), row.top + row.height, row.shown
     first, last = (mark.start for mark in row.track.marks)
     within = lambda x: min(max(x, row.left), row.right)  # noqa: E731
@@ -215,7 +215,7 @@ def draw_ruler(shapes: Shapes, row: Row, zero: int) -> None:
 
 
 def previewed(track: Track, gone: Items, put: Items) -> Sequence[Mark]:
-    """Return the marks of an adjacent track as they would lie after an edit."""
+    """Return the marks of an adjacent track as they would be after an edit."""
     marks, keys = track.marks, {item.key for item in gone}
     places = [i for i, mark in enumerate(marks) if mark.item is not None and mark.item.key in keys]
     put = [item for item in put if item.kind == track.key]
@@ -229,7 +229,7 @@ def _mark_of(marks: Sequence[Mark], item: Item) -> Mark:
 
 
 def hit_in(row: Row, mouse: imgui.ImVec2) -> tuple[Mark, Part] | None:
-    """Return which mark is under the mouse, and which part of it."""
+    """Return the mark under the mouse and the part of it, or None."""
     track, marks, x = row.track, row.track.marks, mouse.x
     if not marks or (track.key == "timeline" and mouse.y < row.top + 0.5 * row.height):
         return None

@@ -27,7 +27,7 @@ TAKES, PINS = "takes", "pins"
 
 @dataclass(frozen=True)
 class Item(Span):
-    """Frames of a track, or a point where start and end are the same; `value` is what lies there, `lane` where it lies."""
+    """An item on a track: a frame range, or a point if start equals end; `value` is its content, `lane` its row."""
 
     kind: str
     value: Any = field(compare=False)
@@ -35,7 +35,7 @@ class Item(Span):
 
     @property
     def key(self) -> Key:
-        """What the item is known by: where it lies, and from which frame on; a take by its number, a pin by its place."""
+        """The key by which an item is known: its kind, lane and start frame; takes and pins are known by their lane alone."""
         return self.kind, self.lane, 0 if self.kind in (TAKES, PINS) else self.start
 
     def at(self, start: int, end: int) -> Item:
@@ -45,7 +45,7 @@ class Item(Span):
 
 @dataclass(frozen=True)
 class Mark(Span):
-    """Frames, or a point where start and end are the same; `of` is what it stands for, `item` what can be selected of it."""
+    """A drawn range or point on a track; `of` is what it represents, `item` the selectable item if any."""
 
     text: str = ""
     hint: str = ""
@@ -58,10 +58,10 @@ Items = Sequence[Item]
 
 @dataclass(frozen=True)
 class ItemKind:
-    """What the selection has to know of the items of a track.
+    """How the selection edits one kind of items.
 
-    An edit takes items `gone` away and puts others; of items that are moved both have the same length. `change` makes it to
-    a take, by its number, and gives what was put with it; `edit` makes it to what drove the take, which is resimulated.
+    An edit takes items away (`gone`) and puts others; moved items have the same order in both. `change` applies it to a take of
+    the session, by number, and returns what was added; `edit` applies it to the take's input, which is then resimulated.
     """
 
     name: str  # of one, in the user's words
@@ -75,7 +75,7 @@ class ItemKind:
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """What lies on the tracks of one version of a take's motion; a prompt's mark is `of` its `PromptSpan`."""
+    """The tracks of a version of a take's motion; a prompt's mark is `of` its `PromptSpan`."""
 
     clip: Clip
     prompts: tuple[Mark, ...]
@@ -85,7 +85,7 @@ class Tracks:
 
 
 def tracks_of(clip: Clip, inputs: InputRecording | None) -> Tracks:
-    """Return the tracks of a clip; without inputs, what its file says."""
+    """Return the tracks of a clip; without inputs, from its file's metadata."""
     spans = _read_spans(clip) if inputs is None else prompt_spans(inputs)
     gaits = () if clip.gaits is None else [s for s in gait_spans(clip.gaits) if s.gait >= 0]
     return Tracks(
@@ -103,12 +103,12 @@ def tracks_of(clip: Clip, inputs: InputRecording | None) -> Tracks:
 
 
 def mark_at(marks: Sequence[Mark], frame: int) -> int:
-    """Return which mark holds in a frame; -1 for none."""
+    """Return the index of the mark at a frame, or -1."""
     return next((i for i, mark in enumerate(marks) if mark.start <= frame < mark.end), -1)
 
 
 def words_of(event: PromptEvent) -> PartDescriptions | None:
-    """Return the six descriptions that a prompt meant; None for a blend, or where they are not known."""
+    """Return the six descriptions of a prompt event; None for a blend or if they are unknown."""
     words = _words(event)
     return words if isinstance(words, PartDescriptions) else None
 
@@ -156,7 +156,7 @@ def _short(spec: str) -> str:
 
 
 def lanes(pins: Sequence[Pin]) -> list[list[int]]:
-    """Return the pins by their places, such that those of a lane do not overlap."""
+    """Return the indices of the pins by lane; pins in a lane do not overlap."""
     found: list[list[int]] = []
     for i in sorted(range(len(pins)), key=lambda i: pins[i].start):
         lane = next((lane for lane in found if pins[lane[-1]].end <= pins[i].start), None)

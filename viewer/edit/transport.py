@@ -63,7 +63,7 @@ FEET_HINT = (
 
 
 class TakeTracks:
-    """Gathers the tracks of all tools; the same ones again until something changes."""
+    """Collects the timeline tracks of all tools, and caches them until something changes."""
 
     def __init__(self, editing: Resimulation, pins: Pins, selection: Selection) -> None:
         self.editing, self.pins, self.selection = editing, pins, selection
@@ -145,9 +145,9 @@ def _text(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Tool:
-    """A button of the bar, or an entry of its menu in a narrow window; the higher `folds`, the earlier that.
+    """A button of the bar, which becomes a menu entry in a narrow window; higher `folds` move there first.
 
-    It acts, or opens what `menu` draws. `why` it cannot be used, "" where it can.
+    It calls `act` or opens `menu`. `why` is the reason if it is disabled, else "".
     """
 
     text: str
@@ -215,7 +215,7 @@ def _fitting(tools: Sequence[Tool], room: float, gap: float, more: float) -> lis
 
 @dataclass
 class Transport:
-    """The buttons of the bar, and the timeline under them."""
+    """The bar under the view, with its buttons and the timeline."""
 
     editing: Resimulation
     pins: Pins
@@ -238,7 +238,7 @@ class Transport:
         self._tracks = TakeTracks(self.editing, self.pins, self.selection)
 
     def panel(self, references: ReferenceCard) -> Panel:
-        """Return the bar; Escape in the view lets go of what is selected, then leaves the take."""
+        """Return the bar's panel; Escape in the view clears the selection, then closes the take."""
 
         def close() -> None:
             if not self.selection.let_go():
@@ -309,7 +309,7 @@ class Transport:
         return min(item.start for item in items), max(item.end for item in items)
 
     def shown_frames(self, number: int) -> tuple[int, int] | None:
-        """Return the first and last frame that the timeline shows of a take; None when it shows another one."""
+        """Return the first and last frame that the timeline shows of a take, or None if it shows another take."""
         playback, shown = self.editing.playback, self.timeline.shown
         if playback is None or playback.number != number:
             return None

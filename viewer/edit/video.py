@@ -28,7 +28,7 @@ REMEDY = "Write it again as MP4 (H.264) or GIF."
 
 @dataclass(frozen=True, eq=False)
 class Video:
-    """Pictures as JPEG with the seconds at which each of them begins."""
+    """A film in memory: JPEG pictures, with the time in seconds at which each begins."""
 
     path: Path
     size: tuple[int, int]
@@ -38,7 +38,7 @@ class Video:
     cut: bool = False  # there is more of it
 
     def index(self, time_s: float) -> int:
-        """Return the picture of a time; the first and the last one stay."""
+        """Return the index of the picture at a time, limited to the first and last."""
         return max(bisect.bisect_right(self.times, time_s + 1e-6) - 1, 0)
 
     def picture(self, index: int) -> NDArray[np.uint8]:
@@ -54,7 +54,7 @@ class Video:
 
 
 def read_video(path: Path) -> Video:
-    """Read a film; FileError where it is none, in a sentence for who made it."""
+    """Read a film; FileError says why it cannot be read."""
     made: list[tuple[float, bytes, tuple[int, int]]] = []
     try:
         cut = _read_pictures(path, made)

@@ -28,7 +28,7 @@ JOINTS = tuple(
 
 
 def ghosts(playback: Playback, every: int) -> list[Pose]:
-    """Return the poses at every so many frames around the one shown, within the trim marks; none too near to it."""
+    """Return the poses of every `every`th frame around the one shown, within the trim, except those too close to it."""
     frame = playback.frame
     centre = round(frame / every)
     numbers = [k * every for k in range(centre - GHOSTS, centre + GHOSTS + 1)]
@@ -41,7 +41,7 @@ def ghosts(playback: Playback, every: int) -> list[Pose]:
 
 @dataclass
 class Trails:
-    """Trails of one clip; its kinematics are computed once."""
+    """Computes motion trails of a clip, with its kinematics cached."""
 
     _clip: Clip | None = None
     _points: NDArray[np.floating] | None = None  # (T, J, 3)
@@ -59,7 +59,7 @@ class Trails:
 
 
 def speeds(points: NDArray[np.floating], fps: float) -> NDArray[np.floating]:
-    """Return speeds `(T, J)` in metres per second of points `(T, J, 3)`, by differences over `SPEED_SECONDS`."""
+    """Return speeds `(T, J)` (m/s) of points `(T, J, 3)`, from differences over `SPEED_SECONDS`."""
     if len(points) < 2:
         return np.zeros(points.shape[:2])
     half = max(round(0.5 * SPEED_SECONDS * fps), 1)
@@ -78,7 +78,7 @@ class ViewOverlays:
     trails: Trails = field(default_factory=Trails)
 
     def of(self, live: Controller | None, others: list[Pose]) -> Overlays:
-        """Return the overlays of one frame; `others` are drawn with the pose, the trajectory only of a `live` character."""
+        """Return the overlays of a frame; the trajectory only for a `live` character, `others` are further poses to draw."""
         settings, playback = self.takes.settings, self.takes.playback
         frames, trails = self._other_times(playback, others)
         figure, over = self._reference(playback, others)

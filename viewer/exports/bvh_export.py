@@ -22,7 +22,7 @@ EXPORT_ALL = Slot("export", "all takes")
 
 @dataclass
 class ExportField:
-    """The path to which the current take goes: a free name that is proposed, until another one is typed."""
+    """The path for exporting the current take: a free name is proposed until the user types one."""
 
     takes: Takes
     path: str = field(default="", init=False)  # as the field shows it
@@ -38,7 +38,7 @@ class ExportField:
         return ".bvh"
 
     def propose(self) -> None:
-        """Put a free name into the field."""
+        """Propose a free name in the field."""
         take = self.takes.session.current
         if take is None:
             self.path, self._proposed = "", None
@@ -53,7 +53,7 @@ class ExportField:
         return self.path != self._proposed
 
     def target(self) -> Path:
-        """Return the path to write to; UsageError when what was typed names no file."""
+        """Return the path to write to; UsageError if the typed text is not a file name."""
         if self.typed:
             self._proposed = None  # whatever is typed from now on is meant
             return export_target(self.path, self.suffix)
@@ -72,7 +72,7 @@ class BvhExport(ExportField):
         self.takes.editor.followers.append(self.follow)
 
     def follow(self, before: Session, now: Session) -> None:
-        """Propose a name for the take that is selected; another session gives the numbers to other takes."""
+        """Propose a name for the newly selected take; forget the exported files when another session is opened."""
         if self.takes.editor.file is not self._session:
             self._session = self.takes.editor.file
             self._files.clear()
@@ -80,17 +80,17 @@ class BvhExport(ExportField):
             self.propose()
 
     def saved(self, take: Take) -> Path | None:
-        """Return the BVH of this run that holds what the take keeps; None where there is none any more."""
+        """Return an existing BVH of this run with the take's current content, or None."""
         content = _content(take)
         found = (path for path, (_, held) in reversed(self._files.items()) if held == content)
         return next((path for path in found if path.is_file()), None)
 
     def exported(self, take: Take) -> Path | None:
-        """Return the file of this run that was written last of the take, whatever it holds."""
+        """Return the file last written for the take in this run, whatever its content."""
         return next((path for path, (by, _) in reversed(self._files.items()) if by == take.number), None)
 
     def export(self) -> None:
-        """Write what the current take keeps to the path in the field. Only a path that was typed may be one that exists."""
+        """Export the current take to the path in the field; only a typed path may replace a file."""
         takes, take = self.takes, self.takes.session.current
         if take is None:
             return
@@ -119,12 +119,12 @@ class BvhExport(ExportField):
             self.propose()
 
     def note_file(self, path: Path, number: int, held: Take | None) -> None:
-        """Remember that a file was written of a take, and holds it as `held`; None for another form."""
+        """Remember the file written for a take, with its content `held`, or None for another format."""
         self._files.pop(path, None)
         self._files[path] = number, None if held is None else _content(held)
 
     def export_all(self) -> None:
-        """Write what every take that was found keeps as BVH under its own name; no file is replaced."""
+        """Export all takes that match the search as BVH under their own names, replacing no file."""
         takes, found = self.takes, self.takes.found
         folder = Path(takes.settings.export_folder).expanduser()
         fps, unit = takes.settings.export_fps, takes.settings.export_unit
@@ -151,7 +151,7 @@ def _content(take: Take) -> tuple[object, ...]:
 
 
 def export_target(text: str, suffix: str = ".bvh") -> Path:
-    """Return the path that was typed, with an ending; UsageError when it names no file."""
+    """Return the typed path, with an ending added if missing; UsageError if it is not a file name."""
     text = text.strip().strip('"')
     if not text or "\0" in text:
         raise UsageError("Export: the path is empty.", f"Write a path such as ~/sport-clips/walk{suffix}.")

@@ -32,7 +32,7 @@ GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb
 
 @dataclass(frozen=True)
 class ExportForm(ExportOptions):
-    """Holds what is chosen in the window: the options of an export (0 frames a second: as the take), and what only a window has."""
+    """The options of the export window: those of an export (0 frames a second: as the take), and those of the window only."""
 
     fps: float = field(default=0.0, metadata=ExportOptions.__dataclass_fields__["fps"].metadata)
     suffix: str = option(".glb", ALL, label="Format", choices={f.suffix: f.name for f in FORMATS.values()})
@@ -51,7 +51,7 @@ class ExportForm(ExportOptions):
         return FORMATS[self.suffix]
 
     def chosen(self, fps: float) -> dict[str, Any]:
-        """Return the values of the format's options for a take of `fps` frames a second."""
+        """Return the values of the options that the chosen format has, for a take of `fps` frames a second."""
         bones = bool(self.engine and ENGINES[self.engine].bones)
         return {name: getattr(self, name) for name in self.format.options} | {
             "fps": self.fps or fps, "strides": self.strides if self.loop else 1,
@@ -63,12 +63,12 @@ class ExportForm(ExportOptions):
 
 
 def form_to_json(form: ExportForm) -> dict[str, Any]:
-    """Return the options that the window shows, as plain values; see `form_from_json`."""
+    """Return the options shown by the window, as plain values; see `form_from_json`."""
     return {name: getattr(form, name) for name in _shown()}
 
 
 def form_from_json(value: Mapping[str, Any]) -> ExportForm:
-    """Return a form of untrusted values: one that is missing or cannot be used has its default."""
+    """Read the options from untrusted values; missing or invalid ones get their defaults."""
     usual = ExportForm()
     read = {name: spec_of(usual, name).read(value.get(name), getattr(usual, name)) for name in _shown()}
     return ExportForm(**read)
@@ -138,7 +138,7 @@ class Exporting(ExportField):
         self.shown = False
 
     def choose_format(self, suffix: str) -> None:
-        """Write another format; a path that was typed keeps its name."""
+        """Change the format; a typed path gets the new ending."""
         self.missing = ""
         self.choose(suffix=suffix)
         try:
@@ -195,7 +195,7 @@ class Exporting(ExportField):
         )
 
     def cancel(self) -> None:
-        """Give up the file that is being written; nothing of it stays."""
+        """Cancel the export in progress; no file is kept."""
         self._cancel.set()
 
     def _check(self) -> None:
@@ -230,7 +230,7 @@ class Exporting(ExportField):
         return options
 
     def range_of(self, take: Take) -> tuple[int, int]:
-        """Return the first and the last frame of a take that are exported."""
+        """Return the first and last frame of a take to export."""
         last = take.frames - 1
         if self.form.part == "shown":
             first, end = self.shown_frames(take.number) or (0, last)

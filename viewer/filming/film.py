@@ -42,7 +42,7 @@ _BACK, _INK = (20, 28, 40, 170), (240, 244, 250, 255)
 
 
 def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
-    """Return the text typed for the prompt in force at a moment, in quotation marks; "" before the first."""
+    """Return the caption of a film at a time: the typed prompt in force, in quotation marks; "" before the first."""
     begun = [event for event in prompts if event.seconds <= seconds + 1e-6]
     if not begun:
         return ""
@@ -51,7 +51,7 @@ def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
 
 
 def write_caption(frame: NDArray[np.uint8], text: str) -> None:
-    """Lay `text` over a frame `(H, W, 3)`, in place."""
+    """Draw `text` onto a frame `(H, W, 3)`, in place."""
     if text:
         left, top, pixels = draw_caption((frame.shape[1], frame.shape[0]), text)
         under = frame[top : top + pixels.shape[0], left : left + pixels.shape[1]]
@@ -61,7 +61,7 @@ def write_caption(frame: NDArray[np.uint8], text: str) -> None:
 
 @lru_cache(maxsize=8)
 def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np.float32]]:
-    """Return left, top and pixels `(h, w, 4)` of a caption for a frame: as large as fits, cut where even small letters do not."""
+    """Return left, top and pixels `(h, w, 4)` of a caption: as large as fits, shortened if even small letters do not."""
     from PIL import Image, ImageDraw, ImageFont
 
     image = Image.new("RGBA", size, (0, 0, 0, 0))
@@ -94,9 +94,9 @@ Draw = Callable[[Camera, Pose], Frame]
 def studio(
     size: tuple[int, int], terrain: Terrain, character: Character | None = None, quality: str = "high"
 ) -> Iterator[Draw]:
-    """Yield a function that draws a pose of `character` (None: the shipped one) as seen by a camera: `(H, W, 3)`, sRGB.
+    """Open an offscreen renderer and yield a function that draws `character` (None: the mannequin) as `(H, W, 3)`, sRGB.
 
-    DisplayError without OpenGL.
+    Raises DisplayError without OpenGL.
     """
     target = OffscreenTarget(*size)
     renderer = Renderer(target.ctx, choose_quality(target.ctx, quality))
@@ -122,7 +122,7 @@ MAX_QUEUED_FRAMES = 6  # frames drawn ahead of the writer
 
 
 def count_frames(clip: Clip, fps: float) -> int:
-    """Return the number of frames of a film that lasts as long as the clip; UsageError when they are too many."""
+    """Return the number of frames of a film of the clip; UsageError if there are too many."""
     count = max(1, round(len(clip) / clip.fps * fps))
     if count > MAX_FRAMES:
         raise UsageError(
@@ -134,7 +134,7 @@ def count_frames(clip: Clip, fps: float) -> int:
 def film_frames(
     clip: Clip, terrain: Terrain, options: FilmOptions, draw: Draw, camera: CameraPath | None = None
 ) -> Iterator[Frame]:
-    """Yield the frames of a film, as `draw` draws a pose; `camera` is used in place of the one of the options."""
+    """Yield the frames of a film, drawn by `draw`; `camera` overrides the one in the options."""
     see = camera or camera_path(options, clip, terrain)
     for index in range(count_frames(clip, options.fps)):
         seconds = index / options.fps
@@ -156,13 +156,11 @@ def make_film(
     cancel: threading.Event | None = None,
     open_studio: OpenStudio = studio,
 ) -> int:
-    """Write a film of a clip on its ground; return its number of frames, 0 where it was cancelled.
+    """Write a film of a clip on its ground and return its number of frames, 0 if it was cancelled.
 
-    Its form follows from the ending of `path`.
-
-    `character` is a `runtime.character.character.Character` (None: the mannequin). `progress` is called on the calling thread after
-    each drawn frame; when `cancel` is set, what was written is taken away. The OpenGL context is made on the calling
-    thread, which may be a worker. UsageError, FileError or DisplayError.
+    The ending of `path` decides the format. `character` is a `runtime.character.character.Character` (None: the
+    mannequin). `progress` is called after each frame; setting `cancel` stops and removes the file. All runs on the
+    calling thread, which may be a worker. Raises UsageError, FileError, DisplayError.
     """
     options.check()
     terrain = terrain.seen_by(clip.size)
@@ -203,10 +201,7 @@ def film_of_take(
     progress: Progress = lambda done, total: None,
     cancel: threading.Event | None = None,
 ) -> str:
-    """Write a film of a prepared take, on its ground, with the character of its options.
-
-    Returns a sentence about it, "" when it was cancelled.
-    """
+    """Write a film of a prepared take, with the character of its options; return a sentence about it, "" if cancelled."""
     from runtime.character.character import load_character
 
     character = None
@@ -235,10 +230,7 @@ def film_in_process(
     progress: Progress,
     cancel: threading.Event,
 ) -> str:
-    """Do what `film_of_take` does in another process, and wait for it.
-
-    SportError also when that process was ended from outside.
-    """
+    """Run `film_of_take` in another process and wait for it; also raises SportError if that process is killed."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs,), name="sport-film", daemon=True)

@@ -28,9 +28,9 @@ CLEARANCE_M = 0.3  # of a still camera over the ground
 
 @dataclass(frozen=True)
 class Shot:
-    """Says how a camera goes with the character: `turn` radians from its facing, and `orbit` radians a second more.
+    """A camera that moves with the character: `turn` radians from its facing, plus `orbit` radians per second.
 
-    With `fixed` the turn is from +Z, whatever the character faces.
+    With `fixed` the turn is from +Z, whatever the facing.
     """
 
     turn: float
@@ -40,7 +40,7 @@ class Shot:
     fixed: bool = False
 
 
-SHOTS = {
+SHOTS = {  # titles are in `runtime.formats.options.CAMERAS`
     "front": Shot(2.7, 0.16, 4.1),
     "follow": Shot(0.0, 0.22, 4.0),
     "side": Shot(0.5 * math.pi, 0.12, 3.9),
@@ -54,7 +54,7 @@ CAMERAS = (*SHOTS, STILL)
 
 @dataclass(frozen=True)
 class FilmOptions:
-    """Says how a film looks; `fps` is that of the film, whatever the take's."""
+    """Options of a film; `fps` is the film's frame rate, independent of the take's."""
 
     width: int = 1280
     height: int = 720
@@ -68,7 +68,7 @@ class FilmOptions:
     keys: tuple[CameraKey, ...] = ()  # of the camera "keyed", in the time of the film
 
     def check(self) -> None:
-        """Raise UsageError, which names the option that cannot be used."""
+        """Raise UsageError for the first invalid option."""
         if not 1.0 <= self.fps <= 60.0:
             raise UsageError(f" {self.fps:g}: a film has 1 to 60.", "Try 30.", "fps")
         if not all(MIN_SIDE <= side <= MAX_SIDE for side in self.size):
@@ -88,7 +88,7 @@ class FilmOptions:
 
 
 def camera_path(options: FilmOptions, clip: Clip, terrain: Terrain, height: float = 0.0) -> CameraPath:
-    """Return the camera of a film of a clip; the character is `height` metres tall. UsageError lists the names."""
+    """Return the camera of a film by name, for a character `height` metres tall; UsageError lists the names."""
     path = _path_by_name(options, clip, terrain, max(1.0, height / USUAL_CHARACTER_HEIGHT_M))
 
     def see(pose: Pose) -> Camera:

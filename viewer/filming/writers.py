@@ -30,7 +30,7 @@ MAX_ANIMATED_FRAMES = 1200  # they are all held in memory
 
 
 def check_writer(path: Path, size: tuple[int, int], frames: int) -> None:
-    """Raise UsageError when a film of this size and length cannot be written with this ending."""
+    """Raise UsageError if a film of this size and length cannot be written with this ending."""
     suffix = path.suffix.lower()
     if suffix == ".mp4" and any(side % 2 for side in size):
         raise UsageError(f" {size[0]}x{size[1]}: H.264 needs even numbers.", "Try 1280x720.", "size")
@@ -45,7 +45,7 @@ def check_writer(path: Path, size: tuple[int, int], frames: int) -> None:
 
 @contextmanager
 def open_writer(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]:
-    """Yield a writer for the ending of `path`; what it wrote disappears when the block ends with an error. FileError."""
+    """Open a writer for the ending of `path`; an error in the block removes the file. Raises FileError."""
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise UsageError(f"{path}: no film is written with this ending.", "Choose .mp4, .png, .webp or .gif.")

@@ -29,7 +29,7 @@ _LOG = logging.getLogger("sport.viewer")
 
 @dataclass(frozen=True)
 class Defect:
-    """What was going on when an exception was raised, the report about it, and the report's file (None: not written)."""
+    """An internal error: what the program was doing, the report, and the report's file (None: not written)."""
 
     doing: str
     report: str
@@ -38,7 +38,7 @@ class Defect:
 
 @dataclass
 class Defects:
-    """Guards the parts of a frame. Inactive, exceptions pass: without a display nobody could read of them."""
+    """Catches internal errors within a frame; when inactive, as without a display, they are raised."""
 
     folder: Path  # of the reports
     device: str  # what draws, for the report
@@ -49,10 +49,9 @@ class Defects:
 
     @contextmanager
     def guarded(self, doing: str, close: Callable[[], object] = lambda: None) -> Iterator[None]:
-        """Catch what raises within, and `close` what it was about; the third defect within a second is raised.
+        """Catch errors in the block and `close` the tool concerned; the third within a second is raised.
 
-        `doing` says what the program does, as a sentence ends: "drawing the panel Scene". ImGui's stacks are put back
-        to what they were.
+        `doing` completes "while …": "drawing the panel Scene". ImGui's stacks are restored.
         """
         stacks, in_frame = imgui.internal.ErrorRecoveryState(), _in_frame()
         if in_frame:
@@ -86,7 +85,7 @@ class Defects:
         self.shown = self.shown or Defect(doing, text, path if written else None)
 
     def dismiss(self) -> None:
-        """Put the report away that was read."""
+        """Close the report."""
         self.shown = None
 
 
@@ -95,9 +94,9 @@ def _in_frame() -> bool:
 
 
 def safe_panel(panel: Panel, defects: Defects) -> Panel:
-    """Return the panel with all that it does guarded: a defect closes it.
+    """Return the panel with all its functions guarded: an internal error closes it.
 
-    A panel in a column offers to open it again, any other comes back once the report was read.
+    A panel in a column offers to be opened again; any other reappears when the report is closed.
     """
     failed: set[str] = set()
     in_place = panel.place in IN_PLACE
@@ -140,7 +139,7 @@ def safe_panel(panel: Panel, defects: Defects) -> Panel:
 
 
 def report(doing: str, error: Exception, device: str) -> str:
-    """Return the text of a report: time, versions and traceback."""
+    """Return the text of an error report: time, versions and traceback."""
     versions = []
     for name in PACKAGES:
         with suppress(PackageNotFoundError):

@@ -47,12 +47,12 @@ class PendingDialog:
 
     @property
     def folder(self) -> Path:
-        """The folder that is typed, or that of the file."""
+        """The folder typed, or the one containing the typed file."""
         path = Path(self.typed.strip().strip('"').replace("\0", "") or "~").expanduser()
         return path if path.is_dir() else path.parent
 
     def entries(self) -> list[Path]:
-        """Return folders, then files with an ending of the filters, of the folder that is shown."""
+        """Return the folders, then the files matching the filters, of the folder shown."""
         folder = self.folder
         if self.listed[0] != folder:
             endings = [pattern for patterns in self.filters[1::2] for pattern in patterns.split()]
@@ -60,7 +60,7 @@ class PendingDialog:
         return self.listed[1]
 
     def would_replace(self, path: str) -> bool:
-        """Return whether a path, with or without its ending, is that of an existing file that would be overwritten."""
+        """Return whether saving to a path, with or without the ending, would overwrite a file."""
         if self.kind is not DialogKind.SAVE or not path:
             return False
         target = Path(path).expanduser()
@@ -68,7 +68,7 @@ class PendingDialog:
         return target.is_file() or target.with_name(target.name + ending).is_file()
 
     def accept(self) -> str | None:
-        """Return the path that was typed; None where there is none, or where the user is warned of a file first."""
+        """Return the typed path; None if it is empty, or if the user must confirm overwriting first."""
         path = self.typed.strip().strip('"').replace("\0", "")
         if path != self.replacing and self.would_replace(path):
             self.replacing = path
@@ -87,12 +87,12 @@ def _entries(folder: Path, patterns: Sequence[str]) -> list[Path]:
 
 
 def has_native_dialogs() -> bool:
-    """Return whether this system has a program that shows dialogs."""
+    """Return whether the system provides file dialogs."""
     return sys.platform in ("win32", "darwin") or any(map(shutil.which, LINUX_PROGRAMS))
 
 
 def open_native(question: PendingDialog) -> Any:
-    """Open the system's dialog for a question: an object with `ready(milliseconds)` and `result()`."""
+    """Open the system's file dialog: an object with `ready(milliseconds)` and `result()`."""
     from imgui_bundle import portable_file_dialogs as dialogs
 
     start, filters = str(question.start), list(question.filters) or None
@@ -105,7 +105,7 @@ def open_native(question: PendingDialog) -> Any:
 
 @dataclass
 class Dialogs:
-    """Asks for files, by at most one dialog at a time."""
+    """Shows file dialogs, at most one at a time."""
 
     messages: Messages
     available: Callable[[], bool] = has_native_dialogs
@@ -130,7 +130,7 @@ class Dialogs:
                 return
 
     def poll(self) -> None:
-        """Hand over the answer of a system's dialog; call once a frame."""
+        """Deliver the answer of a system dialog; call once per frame."""
         question = self.question
         if question is None or question.native is None or not question.native.ready(0):
             return
@@ -141,7 +141,7 @@ class Dialogs:
             question.done(Path(answer))
 
     def close(self) -> None:
-        """Withdraw the question."""
+        """Close the dialog without an answer."""
         self.question = None
 
     def panel(self) -> Panel:
@@ -151,7 +151,7 @@ class Dialogs:
         )  # fmt: skip
 
     def draw(self) -> None:
-        """Draw the line to type into, where the system has no dialog."""
+        """Draw the built-in dialog, if the system has none."""
         question = self.question
         if question is None or question.native is not None:
             return

@@ -15,7 +15,7 @@ _IMPLICIT = "Debug##"  # ImGui's own window, which is never shown
 
 
 class Use(Enum):
-    """Says what becomes of a key in the window that has the keys."""
+    """How the window with the keyboard focus uses a key."""
 
     NONE = auto()  # nothing there is in use
     OPEN = auto()  # a field is typed into, a list or menu is open, a button or slider is held
@@ -24,10 +24,10 @@ class Use(Enum):
 
 @dataclass
 class Focus:
-    """The keyboard's place.
+    """Which window has the keyboard focus.
 
-    What was clicked last has the keys. What closes gives them back, and so does a button, list or field that was used: to
-    the window over everything that is still open, else to the view.
+    Clicking a window gives it the focus. Closing it, or using a button, list or field, returns the focus to the topmost
+    open window, or to the view.
     """
 
     holder: str = ""  # the window that has the keys; "" is the view
@@ -36,11 +36,11 @@ class Focus:
 
     @property
     def in_view(self) -> bool:
-        """Return whether single keys drive and act."""
+        """Return whether the view has the focus, so that single keys drive the character."""
         return not self.holder and self.use is Use.NONE
 
     def press(self, x: float, y: float) -> None:
-        """Give the keys to what lies under a press of the mouse, which ImGui has not seen yet."""
+        """Focus the window under a mouse press, before ImGui has seen the press."""
         self.holder = window_at(x, y)
         if self.holder or self.use is Use.OPEN:
             self.use = Use.UNSURE
@@ -70,12 +70,12 @@ class Focus:
             imgui.set_window_focus(self.holder or None)
 
     def release(self) -> None:
-        """Take the keys back from a panel; a window over everything keeps them as long as it is open."""
+        """Return the focus from a panel to the view; an open window on top keeps it."""
         if self.holder not in self.windows:
             self.holder = self.windows[-1] if self.holder.endswith(OVER) and self.windows else ""
 
     def give_to(self, name: str) -> None:
-        """Let the keyboard choose in a window, from its first item on; "" is the view."""
+        """Focus a window and start keyboard navigation at its first item; "" is the view."""
         self.holder, self.use = name, Use.NONE
         imgui.set_window_focus(name or None)
         if name:
@@ -85,7 +85,7 @@ class Focus:
 
 @dataclass
 class KeyRouter:
-    """Gives keys to the view while it has them; keys that come before it is sure whose they are wait."""
+    """Routes keys to the view or to ImGui; keys wait while it is unclear which has the focus."""
 
     focus: Focus
     devices: Devices
@@ -98,30 +98,30 @@ class KeyRouter:
 
     @property
     def typing(self) -> bool:
-        """Return whether keys are text: also in the frames until ImGui says so, in which a slow machine gets several keys."""
+        """Return whether keys are text, including the frames before ImGui reports it."""
         entered = imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is not None
         return bool(imgui.get_io().want_text_input or entered or self.asks_text())
 
     def key(self, name: str, down: bool) -> bool:
-        """Take a key; return whether it acts in the view."""
+        """Handle a key event; return whether it acts in the view."""
         if self._waiting or self.focus.use is Use.UNSURE:
             self._waiting.append((name, down))
             return False
         return self._take(name, down)
 
     def begin_frame(self) -> None:
-        """Take the keys that waited, once it is certain who gets them."""
+        """Handle the waiting keys once the focus is known."""
         if self.focus.use is not Use.UNSURE:
             waiting, self._waiting = self._waiting, []
             for name, down in waiting:
                 self._take(name, down)
 
     def end_enter(self) -> None:
-        """End the wait for the field that Enter opened, once it or none has the keyboard."""
+        """Stop waiting for the field opened by Enter."""
         self._field_entered = False
 
     def lose_window(self) -> None:
-        """Let go of all keys: the window lost the focus."""
+        """Release all keys because the window lost the focus."""
         self.devices.keyboard.release_all()
         self._ctrl = False
         self._waiting.clear()
@@ -152,7 +152,7 @@ def _use_of(context: Any) -> Use:
 
 
 def window_at(x: float, y: float) -> str:
-    """Return the window that the last frame drew at a place on the screen, for a menu the one that it belongs to; "" for the view."""
+    """Return the window drawn at a screen position, or a menu's parent; "" for the view."""
     for window in reversed(list(imgui.get_current_context().windows)):
         across = window.pos.x <= x < window.pos.x + window.size.x
         along = window.pos.y <= y < window.pos.y + window.size.y

@@ -14,7 +14,7 @@ WIDTH_PX = sum(COLUMNS_PX) + 66.0
 
 
 def draw(fonts: Fonts, settings: Settings) -> None:
-    """Draw a table of all controls, with the keys and buttons of the settings."""
+    """Draw the table of all controls, with the keys and buttons from the settings."""
     imgui.push_style_var(imgui.StyleVar_.cell_padding, imgui.ImVec2(px(6), px(1.5)))
     shown = imgui.begin_table("controls", 3, imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg)
     imgui.pop_style_var()  # a table keeps that with which it began

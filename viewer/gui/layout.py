@@ -31,9 +31,9 @@ class Rect:
 
 @dataclass(frozen=True)
 class Layout:
-    """Holds the rectangles of the panels in one window size; None where there is no room.
+    """The rectangles of all panels for a window size; None if there is no room.
 
-    `tabs` replaces both columns in a narrow window, `right_tabs` the two panels on the right in a low one.
+    `tabs` replaces both columns in a narrow window, `right_tabs` the two right panels in a low one.
     """
 
     status: Rect
@@ -49,9 +49,9 @@ class Layout:
 def arrange(
     width: float, height: float, scale: float, panels: bool = True, transport: bool = False
 ) -> Layout:
-    """Lay the panels out in a window of `width` x `height` screen units.
+    """Return the layout for a window of `width` x `height` screen units.
 
-    Nothing depends on what the panels hold: what is under the mouse stays there when their contents change.
+    It does not depend on the panels' contents, so that nothing moves under the mouse.
     """
     m, status_height = MARGIN_PX * scale, STATUS_HEIGHT * scale
     status = Rect(0.0, max(height - status_height, 0.0), width, min(status_height, height))
@@ -85,10 +85,10 @@ def _divided(column: Rect, scale: float) -> dict[str, Rect]:
 
 
 def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
-    """Return the middle of the free view, from -1 (left, bottom of the window) to 1, and the fraction of the height that it fills.
+    """Return the centre of the free view (-1 left or bottom to 1) and the fraction of the window's height that it fills.
 
-    So much of the view's left side is `covered`, unless hardly anything is left of it. 0 to the side where hardly
-    anything is free.
+    `covered` is the width taken from the view's left, ignored if too little would be left. The horizontal centre is 0
+    if hardly anything is free.
     """
     width, height = layout.status.width, layout.status.y + layout.status.height
     least = MIN_VIEW_SHARE * width

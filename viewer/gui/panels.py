@@ -29,7 +29,7 @@ _CARD = _BEHIND & ~_FLAGS.no_move
 
 
 class PanelPlace(Enum):
-    """Says where a panel lies; `draw` gets the rectangle of the place."""
+    """Where a panel is placed; `draw` receives that rectangle."""
 
     LEFT = auto()
     RIGHT_TOP = auto()
@@ -45,7 +45,7 @@ IN_PLACE = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM, Pane
 
 @dataclass(frozen=True)
 class Panel:
-    """Holds one panel with everything that the shell needs to know of it."""
+    """A panel: its name, place, drawing function, and what else the shell needs."""
 
     name: str
     place: PanelPlace
@@ -67,7 +67,7 @@ class Panel:
 
 
 def draw_window(name: str, rect: Rect, contents: Callable[[], None], flags: int = FIXED) -> None:
-    """Draw within a window that fills a rectangle; draw nothing where there is no room."""
+    """Draw a window that fills a rectangle; nothing if there is no room."""
     if rect.width < 1 or rect.height < 1:
         return
     imgui.set_next_window_pos(imgui.ImVec2(rect.x, rect.y))
@@ -113,7 +113,7 @@ def _tools(panel: Panel, top: imgui.ImVec2, width: float) -> None:
 
 
 def dim_behind(name: str) -> bool:
-    """Darken all that lies behind a window of this name, and keep the mouse from it; return whether it was clicked."""
+    """Dim everything behind a window and block the mouse there; return whether the dimmed area was clicked."""
     imgui.set_next_window_pos(imgui.ImVec2(0, 0))
     imgui.set_next_window_size(imgui.get_io().display_size)
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
@@ -129,9 +129,9 @@ def dim_behind(name: str) -> bool:
 
 
 def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
-    """Draw a panel in a window of its own over everything but the status line; its button closes it.
+    """Draw a panel in a window above everything but the status line, with a close button.
 
-    It opens in the middle and hangs from its top, where it stays when it grows; a drag of its title moves it.
+    It opens centred and grows downwards; dragging its title moves it.
     """
     size = imgui.get_io().display_size
     beside = dim_behind(panel.name) if panel.modal else False
@@ -177,10 +177,10 @@ def card(
     below: float = 0.0,
     behind: bool = False,
 ) -> Iterator[None]:
-    """Draw within a small window in a corner of `view`, as high as its contents.
+    """Draw a small window in a corner of `view`, as tall as its contents.
 
-    It lies at the `right`, at the `bottom`, or `below` so much more at the top, until it is dragged elsewhere or the view
-    changes. `width` and `below` are pixels at scale 1; one `behind` is not brought to the front by a click.
+    It is at the left or `right`, at the top (lowered by `below`) or `bottom`, until it is dragged or the view changes.
+    `width` and `below` are pixels at scale 1; `behind` keeps it behind other windows when clicked.
     """
     x = view.x + (view.width - px(CARD_MARGIN_PX) if right else px(CARD_MARGIN_PX))
     y = view.y + (view.height - px(CARD_MARGIN_PX) if bottom else px(CARD_MARGIN_PX + below))
@@ -206,10 +206,7 @@ def card(
 
 
 def card_title(text: str, close: str, remove: str = "") -> str:
-    """Draw a card's first line: its name, then buttons named `close …` and, with a hint, `remove …`.
-
-    Returns which of the two was pressed.
-    """
+    """Draw a card's title line with a close button and, with a hint, a `remove …` button. Returns which of the two was pressed."""
     side, buttons, pressed = imgui.get_frame_height(), 1 + bool(remove), ""
     room = imgui.get_content_region_avail().x
     imgui.align_text_to_frame_padding()

@@ -33,7 +33,7 @@ class Stats:
     memory_mb: float = 0.0  # that the program holds; 0 where the system does not tell
 
     def add(self, work_s: float, interval_s: float, steps: int) -> None:
-        """Take one frame: its work, the time since the frame before (both in seconds), and its simulation steps."""
+        """Add a frame to the statistics: working time and interval since the last frame (seconds), and simulation steps."""
         if interval_s <= 0.0:
             return
         fraction = 1.0 if self.fps == 0.0 else 1.0 - 0.5 ** (interval_s / FPS_HALF_LIFE_S)
@@ -43,10 +43,10 @@ class Stats:
 
 
 def draw(messages: Messages, facts: list[tuple[str, str]], doing: str, can_end: bool) -> bool:
-    """Draw the line: a message, and facts with their hints, which drop off from the left where the message needs their room.
+    """Draw the status line: the message on the left, facts with hints on the right; return whether the job's button was pressed.
 
-    The last fact stays. Before the message what the program is `doing`, with a button where it can be ended; whether that
-    was pressed.
+    Facts are dropped from the left if the message needs room, except the last. `doing` is the running job, with a
+    button if it `can_end`.
     """
     message = messages.current
     width, gap = imgui.get_content_region_avail().x, px(18)

@@ -40,7 +40,7 @@ _LOG = logging.getLogger("sport.viewer")
 
 
 def find_fonts() -> list[Path]:
-    """Return the installed fonts of `NAMES`, in their order; those of the user come before those of the system."""
+    """Return the installed fonts of `NAMES`, in that order, user fonts before system fonts."""
     known = [name for names in NAMES.values() for name in names]
     found: dict[str, Path] = {}
     for folder in FOLDERS.get(sys.platform, FOLDERS["linux"]):
@@ -53,14 +53,14 @@ def find_fonts() -> list[Path]:
 
 @dataclass
 class SystemFonts:
-    """Merges fonts of the system into the panels' font when a text first needs them."""
+    """Adds system fonts to the panels' font when a text first needs them."""
 
     regular: Any
     _seen: set[str] = field(default_factory=set)  # characters that were looked at
     _rest: list[Path] | None = None  # fonts that were not loaded yet; None before any was looked for
 
     def cover(self, texts: Iterable[str]) -> str:
-        """Return the characters of new texts that no font here has, each once."""
+        """Load fonts for new characters; return those that no font contains."""
         new = {c for text in texts if not text.isascii() for c in text if ord(c) >= FIRST} - self._seen
         self._seen |= new
         missing = self._lacking(new)

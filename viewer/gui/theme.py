@@ -41,7 +41,7 @@ CLEAR: Color = (0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Icons:
-    """Lists the FontAwesome 6 glyphs that the panels use."""
+    """The FontAwesome 6 glyphs used by the panels."""
 
     prompt: str = "\uf075"
     scene: str = "\uf6fc"
@@ -92,14 +92,14 @@ ICON = Icons()
 
 @dataclass(frozen=True)
 class Fonts:
-    """Holds the fonts of the panels, with the icons merged in."""
+    """The panels' fonts, with the icons merged in."""
 
     regular: Any
     bold: Any
 
 
 def load_fonts() -> Fonts:
-    """Load Roboto with FontAwesome from imgui-bundle; DisplayError when they are missing."""
+    """Load Roboto with FontAwesome from imgui-bundle; DisplayError if they are missing."""
     import imgui_bundle
 
     root = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
@@ -132,7 +132,7 @@ _LENGTHS: dict[str, float | tuple[float, float]] = {  # pixels at scale 1
 
 
 def apply_style(scale: float) -> None:
-    """Set spacing, rounding and colours for a scale; call again when the scale changes."""
+    """Set spacing, rounding and colours; call again when the scale changes."""
     # not Style.scale_all_sizes: it multiplies what is there, so a second change of scale would add up
     style = imgui.get_style()
     imgui.style_colors_dark()

@@ -39,12 +39,12 @@ _BARE_SLIDER: dict[int, Color] = {
 
 
 def px(length: float) -> float:
-    """Return a length at scale 1 in screen units."""
+    """Return a length given at scale 1, in screen units."""
     return length * imgui.get_style().font_scale_dpi
 
 
 class colors:  # entered seventy times a frame: a generator takes four times as long
-    """Draw with other colours for some roles."""
+    """Draw with other colours for some ImGui roles within the block."""
 
     def __init__(self, values: Mapping[int, Color]) -> None:
         self._values = values
@@ -71,7 +71,7 @@ def muted(words: str, wrap: bool = False) -> None:
 
 
 def fitted(words: str, width: float, tint: Color = theme.MUTED, lines: float = 1.0) -> None:
-    """Draw words within so many lines of a width; a tooltip has all of them where they are cut."""
+    """Draw text shortened to `lines` lines of a width, with the full text as tooltip."""
     shown = elided(words, lines * width)
     if lines > 1.0:
         imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
@@ -82,7 +82,7 @@ def fitted(words: str, width: float, tint: Color = theme.MUTED, lines: float = 1
 
 
 def label(text: str, tint: Color = theme.MUTED) -> None:
-    """Draw a field's label, above it."""
+    """Draw a field's label above it."""
     imgui.push_font(None, theme.FONT_SIZE_PX * 0.87)
     with color(imgui.Col_.text, tint):
         imgui.text_unformatted(text)
@@ -100,7 +100,7 @@ def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
 
 
 def tooltip(text: str) -> None:
-    """Explain the item before, when the mouse rests on it: next to its panel, so that it covers no other field."""
+    """Show a tooltip for the previous item, placed beside its panel so that it covers no field."""
     if text and imgui.is_item_hovered(_RESTING):
         text = text if len(text) <= TOOLTIP_LENGTH else text[: TOOLTIP_LENGTH - 1].rstrip() + "…"
         width = _place_in_view()
@@ -144,7 +144,7 @@ def _place_in_view() -> float:
 def icon_button(
     icon: str, name: str, hint: str, tint: Color = theme.MUTED, enabled: bool = True, size: float = 0.0
 ) -> bool:
-    """Draw a button of an icon alone, without a background until the mouse is over it; `size` is its side at scale 1."""
+    """Draw an icon button without background until hovered, and return whether it was clicked; `size` is its side at scale 1."""
     side = px(size) if size else imgui.get_frame_height()
     # padding as in a frame of this height, or the line would grow to keep the baselines level
     padding = max((side - imgui.get_text_line_height()) / 2, 0.0)
@@ -157,7 +157,7 @@ def icon_button(
 
 
 def tag(text: str, tint: Color = theme.ACCENT) -> None:
-    """Draw a short word on a rounded ground of its own colour."""
+    """Draw a short word on a rounded background of its own colour."""
     imgui.push_font(None, theme.FONT_SIZE_PX * 0.87)
     size, pad = imgui.calc_text_size(text), px(6)
     corner = imgui.get_cursor_screen_pos()
@@ -170,12 +170,12 @@ def tag(text: str, tint: Color = theme.ACCENT) -> None:
 
 
 def packed(value: Color) -> int:
-    """Return a colour as drawing lists take it."""
+    """Return a colour in the packed format of draw lists."""
     return int(imgui.get_color_u32(imgui.ImVec4(*value)))
 
 
 class disabled:
-    """Draw items within the block that take no mouse and no keys where `when` is true."""
+    """Disable items within the block if `when` is true."""
 
     def __init__(self, when: object = True) -> None:
         self._when = bool(when)
@@ -190,7 +190,7 @@ class disabled:
 def button(
     text: str, width: float = 0.0, hint: str = "", primary: bool = False, enabled: object = True
 ) -> bool:
-    """Draw a button and return whether it was clicked; `primary` fills it with the accent, width -1 takes the rest of the line."""
+    """Draw a button and return whether it was clicked; `primary` uses the accent colour, width -1 fills the line."""
     with colors(_PRIMARY if primary else {}), disabled(not enabled):
         clicked = bool(imgui.button(text, imgui.ImVec2(width, 0)))
     tooltip(hint)
@@ -198,7 +198,7 @@ def button(
 
 
 def buttons(*items: tuple[str, str, Callable[[], object] | None], primary: int = -1) -> None:
-    """Draw buttons side by side by text, hint and action; one without an action is disabled."""
+    """Draw buttons side by side, given by text, hint and action; one without an action is disabled."""
     width = column_width(len(items))
     for number, (text, hint, act) in enumerate(items):
         if number:
@@ -208,7 +208,7 @@ def buttons(*items: tuple[str, str, Callable[[], object] | None], primary: int =
 
 
 def item(text: str, hint: str = "", chosen: bool = False, enabled: object = True) -> bool:
-    """Draw a line of a menu; return whether it was clicked."""
+    """Draw a menu entry; return whether it was clicked."""
     clicked = bool(imgui.menu_item(text, "", chosen, bool(enabled))[0])
     tooltip(hint)
     return clicked
@@ -217,7 +217,7 @@ def item(text: str, hint: str = "", chosen: bool = False, enabled: object = True
 def drag(
     name: str, value: float, limits: tuple[float, float], text: str, hint: str = "", speed: float = 0.005
 ) -> tuple[bool, float]:
-    """Draw a number that is dragged or, after a double click, typed, and shown by `text` (a format); a whole one where `value` is."""
+    """Draw a draggable number, editable by a double click, with the format `text`; return whether it changed, and its value."""
     kind = imgui.drag_int if isinstance(value, int) else imgui.drag_float
     moved, value = kind(name, value, speed, *limits, text)  # type: ignore[arg-type]
     tooltip(hint)
@@ -225,7 +225,7 @@ def drag(
 
 
 def input_text(name: str, value: str, hint: str = "", flags: int = 0) -> tuple[bool, str]:
-    """Draw a field of one line; return whether Enter was pressed, and its text."""
+    """Draw a single-line text field; return whether Enter was pressed, and its text."""
     flags |= imgui.InputTextFlags_.enter_returns_true
     return imgui.input_text_with_hint(name, hint, value, flags)
 
@@ -242,7 +242,7 @@ def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
 def slider(
     name: str, value: float, low: float, high: float, text: str, logarithmic: bool = False
 ) -> tuple[bool, float]:
-    """Draw a bar that fills with the value and shows `text` (a format); Ctrl+click types a number."""
+    """Draw a slider filled up to its value, with the format `text`; Ctrl+click edits it. Returns whether it changed, and its value."""
     flags = imgui.SliderFlags_.always_clamp
     fraction = (value - low) / (high - low)
     if logarithmic:
@@ -267,7 +267,7 @@ def segmented(
     unavailable: Sequence[Any] = (),
     room: float = 0.0,
 ) -> Any:
-    """Draw a few choices side by side, in so much room or all, and return the chosen value; `options` are (value, text)."""
+    """Draw choices side by side and return the chosen value; `options` are (value, text), `room` limits the width."""
     width = column_width(len(options), room)
     imgui.push_id(name)
     for i, (option, text) in enumerate(options):
@@ -282,7 +282,7 @@ def segmented(
 
 @contextmanager
 def section(title: str) -> Iterator[bool]:
-    """Draw the title of a part of a panel, which a click opens; return whether it is open."""
+    """Draw a collapsible section title; yields whether the section is open."""
     opened = imgui.tree_node_ex(title, imgui.TreeNodeFlags_.span_avail_width)
     if opened:
         imgui.unindent(imgui.get_style().indent_spacing)
@@ -293,7 +293,7 @@ def section(title: str) -> Iterator[bool]:
 
 
 def elided(text: str, width: float) -> str:
-    """Return `text` cut with an ellipsis so that it fits into `width`."""
+    """Return `text` shortened with an ellipsis to fit into `width`."""
     if imgui.calc_text_size(text).x <= width:
         return text
     low, high = 0, len(text)
@@ -305,7 +305,7 @@ def elided(text: str, width: float) -> str:
 
 
 def sign(view: Rect, text: str, tint: Color) -> None:
-    """Draw words on a rounded ground at the top of the view."""
+    """Draw text on a rounded background at the top of the view."""
     drawing = imgui.get_foreground_draw_list()
     size, pad = imgui.calc_text_size(text), px(10)
     x, y = view.x + (view.width - size.x) / 2, view.y + px(16)
@@ -315,7 +315,7 @@ def sign(view: Rect, text: str, tint: Color) -> None:
 
 
 def full_width() -> None:
-    """Let the next item take the rest of the line."""
+    """Make the next item fill the line."""
     imgui.set_next_item_width(-1)
 
 
@@ -326,10 +326,9 @@ def clock(seconds: float) -> str:
 
 
 def tab(label: str, flags: int = 0) -> bool:
-    """Begin a tab; return whether it is open, and `imgui.end_tab_item` has to follow.
+    """Begin a tab and return whether it is open; `imgui.end_tab_item` must follow.
 
-    ImGui takes a click on a tab only where the mouse was over it in the frame before. At twenty frames a second one
-    moves there and clicks within a frame.
+    ImGui only accepts a click on a tab if the mouse was over it in the previous frame, which fails at low frame rates.
     """
     storage, key = imgui.get_state_storage(), imgui.get_id(f"{label}/clicked")
     if storage.get_bool(key):
@@ -343,17 +342,17 @@ def tab(label: str, flags: int = 0) -> bool:
 
 
 def column_width(count: int, room: float = 0.0) -> float:
-    """Return the width of each of `count` items side by side in the rest of the line, or in so much room."""
+    """Return the width of each of `count` items side by side in the rest of the line, or in `room`."""
     return ((room or imgui.get_content_region_avail().x) - (count - 1) * px(GAP_PX)) / count
 
 
 def same_line() -> None:
-    """Put the next item on the line of the one before."""
+    """Put the next item on the same line."""
     imgui.same_line(0, px(GAP_PX))
 
 
 def row(label: str, hint: str = "") -> None:
-    """Draw the name of the next item on its left; that item takes the rest of the line."""
+    """Draw the label of the next item on its left; the item fills the rest of the line."""
     imgui.align_text_to_frame_padding()
     muted(label)
     tooltip(hint)
@@ -362,7 +361,7 @@ def row(label: str, hint: str = "") -> None:
 
 
 def combo(name: str, options: Sequence[tuple[object, str]], value: object) -> object:
-    """Draw a list of (value, text); return the chosen value."""
+    """Draw a drop-down list of (value, text); return the chosen value."""
     shown = next((text for option, text in options if option == value), str(value))
     if imgui.begin_combo(name, shown, imgui.ComboFlags_.height_large):
         for option, text in options:
@@ -388,7 +387,7 @@ def setting_slider(settings: Settings, name: str) -> None:
 
 
 def setting_drag(settings: Settings, name: str) -> None:
-    """Draw a number that is dragged or typed."""
+    """Draw a setting as a draggable number."""
     spec, value, flags = spec_of(settings, name), getattr(settings, name), imgui.SliderFlags_.always_clamp
     _, value = imgui.drag_float(f"##{name}", value, spec.speed, spec.low, spec.high, spec.label, flags)
     setattr(settings, name, value)
@@ -401,6 +400,6 @@ def setting_toggle(settings: Settings, name: str, width: float) -> None:
 
 
 def setting_choice(settings: Settings, name: str, room: float = 0.0) -> None:
-    """Draw a few values side by side, of which one is chosen."""
+    """Draw a setting as choices side by side."""
     options = list((spec_of(settings, name).choices or {}).items())
     setattr(settings, name, segmented(name, options, getattr(settings, name), room=room))

@@ -24,15 +24,15 @@ MODIFIERS = frozenset({"ctrl", "shift", "alt"})
 
 @dataclass
 class Keyboard:
-    """Holds the keys that are down and the presses since the last `take_pressed`, as names: "w", "shift", "f1"."""
+    """The keys that are down, and those pressed since the last `take_pressed`, by name: "w", "shift", "f1"."""
 
     held: set[str] = field(default_factory=set)
     _pressed: list[str] = field(default_factory=list)
 
     def key(self, name: str, down: bool, typing: bool = False) -> None:
-        """Take one key event; while `typing`, a press counts only for keys that type nothing.
+        """Handle a key event; while `typing`, only keys that produce no text count.
 
-        A key pressed while Ctrl is held belongs to a shortcut (Ctrl+Z), and neither moves nor acts.
+        Keys pressed while Ctrl is down belong to shortcuts (Ctrl+Z) and are ignored.
         """
         if not down:
             self.held.discard(name)
@@ -43,7 +43,7 @@ class Keyboard:
             self._pressed.append(name)
 
     def release_all(self) -> None:
-        """Forget every held key: the window lost the focus, or a text field took it."""
+        """Release every key, when the window loses the focus or a text field takes it."""
         self.held.clear()
 
     def take_pressed(self) -> list[str]:
@@ -53,9 +53,10 @@ class Keyboard:
 
 
 class Action(Enum):
-    """Lists everything a key or button can do, each with what triggers it: any of `keys`, or the pad's `button`.
+    """Everything that a key or button can do, with its triggers: any of `keys`, or the gamepad's `button`.
 
-    While a take plays `take_key` comes before the keys. HELD actions act while down, the others once per press.
+    While a take plays, `take_key` has priority. HELD actions act while down, the others once per press: by `actions` of
+    the tool that they are about.
     """
 
     def __init__(self, keys: str, button: str = "", take_key: str = "") -> None:
@@ -114,7 +115,7 @@ class Action(Enum):
     NEXT_PANEL = "f6 tab"
 
 
-# Views of the character, in the order of `viewer.scene.camera_control.VIEWS`.
+# views of the character, in the order of `viewer.scene.camera_control.VIEWS`
 VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET, Action.TOP)
 
 
@@ -161,7 +162,7 @@ KEYS = {action: (*action.keys, action.take_key)[0] for action in Action}
 
 
 def bound(table: Mapping[Action, str], changes: str) -> dict[Action, str]:
-    """Return `BUTTONS` or `KEYS` with changes: text such as "jump=x crouch=a", whose unknown words are passed over."""
+    """Return `BUTTONS` or `KEYS` with changes such as "jump=x crouch=a"; unknown words are ignored."""
     made, by_name = dict(table), {action.name.lower(): action for action in table}
     names = BUTTON_NAMES if table is BUTTONS else KEY_TEXTS
     for change in changes.split():
@@ -172,7 +173,7 @@ def bound(table: Mapping[Action, str], changes: str) -> dict[Action, str]:
 
 
 def rebound(table: Mapping[Action, str], changes: str, action: Action, key: str) -> tuple[str, list[Action]]:
-    """Return the changes with another key or button for an action, and the actions that had it, which get the old one."""
+    """Return the changes with a new key or button for an action, and the actions that had it, which get the old one."""
     made = bound(table, changes)
     had = [
         other for other, theirs in made.items()
@@ -184,9 +185,9 @@ def rebound(table: Mapping[Action, str], changes: str, action: Action, key: str)
 
 @lru_cache(8)
 def key_tables(changes: str = "") -> tuple[dict[Action, frozenset[str]], dict[str, Action]]:
-    """Return the keys of each action in the view, and the actions of keys that come first while a take plays.
+    """Return the keys of each action in the view, and the actions of keys with priority while a take plays.
 
-    A key that was chosen is the only one of its action, and its alone.
+    A key chosen by the user is its action's only key, and belongs to that action alone.
     """
     own = bound(KEYS, changes)
     in_view = [action for action in Action if action.keys]
@@ -250,7 +251,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
 
 
 def help_text(text: str, table: Mapping[Action, str], changes: str) -> str:
-    """Return the help's text on keys or buttons with those that were chosen."""
+    """Return a help text with its placeholders replaced by the keys or buttons in use."""
     names = BUTTON_NAMES if table is BUTTONS else KEY_TEXTS
     shown = {action.name.lower(): names[key] for action, key in bound(table, changes).items()}
     return text.format_map(shown).replace("D-pad up, D-pad down", "D-pad up / down")
@@ -258,10 +259,10 @@ def help_text(text: str, table: Mapping[Action, str], changes: str) -> str:
 
 @dataclass(frozen=True)
 class Intent:
-    """Holds what the user asks for in one frame, relative to the camera.
+    """The user's input in one frame, relative to the camera.
 
-    `move` is (right, forward) and `look` the camera stick (right, up), both with a length of 0..1; `zoom` is in wheel
-    steps per second (positive comes nearer); `pressed` are the actions that began in this frame.
+    `move` is (right, forward) and `look` the camera stick (right, up), both of length 0..1; `zoom` is in wheel steps
+    per second (positive is closer); `pressed` are the actions that began in this frame.
     """
 
     move: tuple[float, float] = (0.0, 0.0)
@@ -274,7 +275,7 @@ class Intent:
 
 @dataclass
 class InputMapper:
-    """Turns devices into an `Intent`; remembers the crouch toggle, the running jump and the pad's last buttons."""
+    """Converts device input to an `Intent`; remembers the crouch toggle, the running jump and the gamepad's last buttons."""
 
     crouching: bool = False
     _jump_left_s: float = 0.0
@@ -293,10 +294,10 @@ class InputMapper:
         buttons: str = "",
         keys: str = "",
     ) -> Intent:
-        """Return the intent of this frame of `dt` seconds.
+        """Return the intent of a frame of `dt` seconds.
 
-        `take`: a take is shown, and some keys move its playhead; `listed`: one is selected in the list, and the key that
-        plays it does; `buttons` and `keys` are changes, see `bound`.
+        `take`: a take is shown, and some keys move its playhead; `listed`: a take is selected in the list, and the play
+        key plays it; `buttons` and `keys` are the user's changes, see `bound`.
         """
         by_view, by_take = key_tables(keys)
         if not take:
@@ -388,7 +389,7 @@ def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float
 
 
 def to_controls(intent: Intent, heading: float) -> Controls:
-    """Return the world-space controls of an intent seen by a camera that looks along yaw `heading` (0 is +Z, positive to +X)."""
+    """Return the world-space controls for an intent, with the camera looking along yaw `heading` (0 is +Z, positive to +X)."""
     forward = (math.sin(heading), math.cos(heading))
     right = (-forward[1], forward[0])  # Y up, right-handed: facing +Z, the right hand is at -X
     x, y = intent.move

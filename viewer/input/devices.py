@@ -16,13 +16,13 @@ MAX_SECONDS = 24 * 3600.0
 
 @dataclass(frozen=True)
 class KeyScript:
-    """Holds key chords and how long each is held, in seconds."""
+    """A script of key chords, each held for a time in seconds."""
 
     steps: tuple[tuple[frozenset[str], float], ...] = ()
 
     @staticmethod
     def parse(text: str, known_keys: frozenset[str]) -> KeyScript:
-        """Read a script; UsageError names the step that cannot be read."""
+        """Parse a script; UsageError names the step that cannot be read."""
         steps = (step.strip() for step in text.split(";"))
         return KeyScript(tuple(_parse_step(step, known_keys) for step in steps if step))
 
@@ -60,7 +60,7 @@ KEYBOARD = "keyboard"
 
 @dataclass
 class Devices:
-    """Reads what drives the character; `name` is the gamepad in use, or the keyboard."""
+    """All input devices; `name` is the gamepad in use, or the keyboard."""
 
     pads: GamepadSource
     script: KeyScript
@@ -72,11 +72,11 @@ class Devices:
     _keys: str = ""  # changes, see `bindings.bound`
 
     def acts_alone(self, name: str) -> bool:
-        """Return whether a letter does something in the view."""
+        """Return whether a single letter is bound to an action in the view."""
         return len(name) == 1 and any(name in keys for keys in key_tables(self._keys)[0].values())
 
     def play_script(self, time_s: float) -> None:
-        """Press and release the keys that the script holds at this time."""
+        """Press and release the keys of the script at this time."""
         keys = self.script.keys_at(time_s)
         for name in sorted(self._scripted - keys):
             self.press(name, False)
@@ -87,9 +87,9 @@ class Devices:
     def read(
         self, dt: float, typing: bool, settings: Settings, take: bool, listed: bool
     ) -> tuple[Intent, str]:
-        """Return the intent of a frame of `dt` seconds, and a sentence when a pad came or went.
+        """Return the intent of a frame of `dt` seconds, and a message if a gamepad came or went.
 
-        `take`: one is shown, and some keys are its; `listed`: one is selected in the list.
+        `take`: a take is shown, and some keys control it; `listed`: a take is selected in the list.
         """
         self._keys = settings.keys
         if typing:

@@ -23,7 +23,7 @@ _MAX_RELEASED = -0.7  # a raw trigger counts once it was seen below: what rests 
 
 @dataclass(frozen=True)
 class GamepadState:
-    """Holds one reading: sticks as (x right, y up) in -1..1 as the device says, triggers 0..1."""
+    """A gamepad reading: raw sticks as (x right, y up) in -1..1, triggers 0..1."""
 
     name: str
     left: tuple[float, float] = (0.0, 0.0)
@@ -34,20 +34,20 @@ class GamepadState:
 
     @property
     def touched(self) -> bool:
-        """Return whether any button, trigger or stick is out of its rest."""
+        """Return whether any button, trigger or stick is in use."""
         axes = (*self.left, *self.right, self.left_trigger, self.right_trigger)
         return bool(self.buttons) or any(abs(a) > 0.4 for a in axes)
 
 
 class GamepadSource(Protocol):
-    """Gives gamepad readings."""
+    """A source of gamepad readings."""
 
     def poll(self) -> GamepadState | None:
-        """Return the reading of the pad in use, or None without one."""
+        """Return the reading of the gamepad in use, or None."""
 
 
 def radial_dead_zone(stick: tuple[float, float], dead: float) -> tuple[float, float]:
-    """Return a stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `FULL_STICK_RADIUS`; the direction is kept."""
+    """Return a stick (x, y) with a radial dead zone: length 0 below `dead`, rising to 1 at `FULL_STICK_RADIUS`, same direction."""
     x, y = stick
     length = math.hypot(x, y)
     if not math.isfinite(length) or length <= dead:
@@ -58,17 +58,14 @@ def radial_dead_zone(stick: tuple[float, float], dead: float) -> tuple[float, fl
 
 @dataclass
 class GlfwGamepads:
-    """Reads pads by glfw: by their SDL mapping, or by the usual raw axes where there is none.
-
-    With several pads the one last touched is in use.
-    """
+    """Reads gamepads through glfw, by their SDL mapping or the usual raw axes; the one last touched is in use."""
 
     glfw: Any
     _current: int = -1
     _live_axes: dict[int, set[int]] = field(default_factory=dict)
 
     def poll(self) -> GamepadState | None:
-        """Read every connected pad and answer the one in use."""
+        """Read all connected gamepads and return the one in use."""
         states: dict[int, GamepadState] = {}
         for pad in range(self.glfw.JOYSTICK_LAST + 1):
             state = self._read(pad)
@@ -109,7 +106,7 @@ class GlfwGamepads:
         )
 
     def add_mappings(self, path: Path) -> str:
-        """Add the user's SDL mapping file when there is one; return the complaint about it, or ""."""
+        """Load the user's SDL mapping file if it exists; return an error message, or ""."""
         if not path.exists():
             return ""
         try:

@@ -33,14 +33,14 @@ _FORM = "Write an IP address and a port, such as 127.0.0.1:9763."
 
 @dataclass(frozen=True)
 class Address:
-    """An IP address and a UDP port."""
+    """An IP address and UDP port."""
 
     host: str = DEFAULT_HOST
     port: int = DEFAULT_PORT
 
     @property
     def loopback(self) -> bool:
-        """Return whether what is sent there stays on this computer."""
+        """Return whether the address is on this computer."""
         return ip_address(self.host).is_loopback
 
     def __str__(self) -> str:
@@ -48,9 +48,9 @@ class Address:
 
 
 def parse_address(text: str, port_number: int = DEFAULT_PORT, flag: str = "--live-link") -> Address:
-    """Return the address of "HOST:PORT", "HOST", "PORT", ":PORT" or ""; HOST is an IP address or localhost.
+    """Parse "HOST:PORT", "HOST", "PORT", ":PORT" or ""; HOST is an IP address or localhost.
 
-    `port_number` is that of a text without one, `flag` the argument that it came from. UsageError.
+    `port_number` is the default, `flag` the argument's name for the UsageError.
     """
     text = text.strip()
     if text.isdigit():
@@ -71,7 +71,7 @@ def parse_address(text: str, port_number: int = DEFAULT_PORT, flag: str = "--liv
 
 
 def skeleton_joints(skeleton: Skeleton) -> bytes:
-    """Return names, parents and offsets of all joints, as a skeleton message holds them behind its header."""
+    """Return names, parents and offsets of all joints, in the format of a skeleton message's body."""
     found = []
     for name, parent, offset in zip(skeleton.names, skeleton.parents, skeleton.offsets, strict=True):
         text = name.encode("utf-8")
@@ -80,18 +80,18 @@ def skeleton_joints(skeleton: Skeleton) -> bytes:
 
 
 def skeleton_number(joints: bytes) -> int:
-    """Return the number that identifies a skeleton; poses carry it, too."""
+    """Return the id of a skeleton, which pose messages carry too."""
     return zlib.crc32(joints)
 
 
 def skeleton_message(joints: bytes, count: int, sequence: int) -> bytes:
-    """Return the message that announces `count` joints of `skeleton_joints`; `sequence` is that of the next pose."""
+    """Return the message that announces a skeleton of `count` joints; `sequence` is the number of the next pose."""
     header = _HEADER.pack(MAGIC, VERSION, SKELETON, count, sequence % _SEQUENCES, skeleton_number(joints))
     return header + joints
 
 
 def pose_message(pose: Pose, skeleton: int, sequence: int, seconds: float) -> bytes:
-    """Return the message of a pose after `seconds` of motion: position of the hips in metres, local rotations w, x, y, z."""
+    """Return the message of a pose after `seconds` of motion: hips position in metres, local rotations w, x, y, z."""
     rotations = np.ascontiguousarray(pose.local_rotations, "<f4")
     header = _HEADER.pack(MAGIC, VERSION, POSE, len(rotations), sequence % _SEQUENCES, skeleton)
     return header + _ROOT.pack(seconds, *(float(v) for v in pose.hips_position)) + rotations.tobytes()
@@ -99,7 +99,7 @@ def pose_message(pose: Pose, skeleton: int, sequence: int, seconds: float) -> by
 
 @dataclass
 class LiveLink:
-    """Sends poses from `start` to `stop`. `sent` and `dropped` count them: one that the system does not take at once is dropped."""
+    """Sends poses from `start` to `stop`, without blocking: poses that the system does not accept at once are `dropped`."""
 
     messages: Messages
     clock: Callable[[], float] = time.perf_counter
@@ -119,12 +119,12 @@ class LiveLink:
         return self._socket is not None
 
     def begin(self, typed: str | None) -> None:
-        """Start sending to an address as it was typed; None leaves the link off. UsageError."""
+        """Start sending to a typed address; None leaves the link off. Raises UsageError."""
         if typed is not None:
             self.start(parse_address(typed, self.address.port, f"--{self.name.lower().replace(' ', '-')}"))
 
     def start(self, address: Address | None = None) -> None:
-        """Send from now on; UsageError when there is no way to that address."""
+        """Start sending; UsageError if the address is unreachable."""
         self.stop()
         self.address = address or self.address
         family = socket.AF_INET6 if ":" in self.address.host else socket.AF_INET
@@ -159,7 +159,7 @@ class LiveLink:
     def publish(self, poses: Sequence[Pose], step_s: float = STEP_S, size: float = 1.0) -> None:
         """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off.
 
-        `size` is how many metres a metre of the poses is, see `Terrain.seen_by`.
+        `size` scales the poses' lengths to metres, see `Terrain.seen_by`.
         """
         if self._socket is None:
             return

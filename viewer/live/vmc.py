@@ -37,7 +37,7 @@ PARENTS = tuple(_bone_above(joint) for joint in JOINTS)
 
 
 def osc_message(address: str, *values: str | float) -> bytes:
-    """Return an OSC 1.0 message of strings, whole numbers and floats."""
+    """Return an OSC 1.0 message with strings, integers and floats."""
 
     def text(value: str) -> bytes:
         data = value.encode("utf-8") + b"\0"
@@ -52,7 +52,7 @@ def osc_message(address: str, *values: str | float) -> bytes:
 
 
 def osc_bundles(messages: Sequence[bytes]) -> list[bytes]:
-    """Return messages as bundles of at most `MAX_BYTES`, to be applied at once; python-osc takes five times as long."""
+    """Pack messages into bundles of at most `MAX_BYTES`, to be applied at once; five times as fast as python-osc."""
     head = b"#bundle\0" + struct.pack(">Q", 1)
     bundles = [head]
     for message in messages:
@@ -68,7 +68,7 @@ ORIGIN: Place = np.zeros(3), rotations.identity()
 
 
 def vmc_messages(pose: Pose, seconds: float, root: Place = ORIGIN) -> list[bytes]:
-    """Return the messages of a pose after `seconds` of motion: each bone relative to the bone above it, the hips to a root."""
+    """Return the messages of a pose after `seconds` of motion: each bone relative to its parent, the hips to `root`."""
     messages = [osc_message("/VMC/Ext/OK", 1), osc_message("/VMC/Ext/T", float(seconds))]
     places = [
         *zip(pose.positions.astype(np.float64), pose.world_rotations.astype(np.float64), strict=True),
@@ -90,7 +90,7 @@ def _unity(place: Place, above: Place) -> list[float]:
 
 @dataclass
 class VmcLink(LiveLink):
-    """Sends poses by the VMC protocol; a pose is `sent` when all its bundles were."""
+    """Sends poses by the VMC protocol; a pose counts as `sent` when all its bundles were."""
 
     name: str = "VMC"
     receivers: str = "Unity, Warudo, VSeeFace and other VMC receivers"
@@ -100,7 +100,7 @@ class VmcLink(LiveLink):
     def publish(self, poses: Sequence[Pose], step_s: float = STEP_S, size: float = 1.0) -> None:
         """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off.
 
-        Receivers have avatars of their own size: lengths stay those of our skeleton, whatever `size` is.
+        Receivers scale to their own avatars, so lengths stay those of our skeleton and `size` is ignored.
         """
         for pose in poses if self.on else ():
             root = (pose.root_position, rotations.from_yaw(pose.root_yaw)) if self.on_root else ORIGIN

@@ -43,13 +43,13 @@ class Guide:
     _takes: int = 0
 
     def begin(self) -> None:
-        """Show the steps from the first one on."""
+        """Show the steps from the first one."""
         self.shown, self.done = True, 0
         self._walked_s, self._left_s = 0.0, DONE_SECONDS
         self._first_prompt, self._takes = self._prompt, len(self.editor.session.takes)
 
     def skip(self) -> None:
-        """Away with it, for good."""
+        """Close the guide for good."""
         self.shown, self.settings.first_minute_seen = False, True
 
     @property
@@ -61,7 +61,7 @@ class Guide:
         return bool(self.done >> step & 1)
 
     def watch(self, dt: float, moving: bool) -> None:
-        """Look at what the user does; call once a frame."""
+        """Tick off the steps that the user has done; call once per frame."""
         if not self.shown:
             return
         self.settings.first_minute_seen = True  # it was seen: it does not come back by itself
@@ -83,7 +83,7 @@ class Guide:
 
 
 def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
-    """Return the card; not shown while it would be `covered`, or cover."""
+    """Return the guide's card; hidden while it is `covered` or would cover too much."""
 
     def draw(view: Rect) -> None:
         if view.height >= px(MIN_VIEW_HEIGHT_PX) and view.width >= px(WIDTH_PX + 4 * panels.CARD_MARGIN_PX):

@@ -21,7 +21,7 @@ WIDTH_PX, REPORT_HEIGHT_PX = 560.0, 220.0  # pixels at scale 1
 
 
 def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Panel:
-    """Return the window that says what a defect has cost."""
+    """Return the window that reports an internal error."""
 
     def draw(_: Rect) -> None:
         defect = defects.shown
@@ -56,17 +56,17 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
 
 @dataclass
 class CutOffWindow:
-    """Offers the session that was cut off, once at the start."""
+    """Offers to restore a session that was cut off, once at startup."""
 
     sessions: Sessions
     left: SessionSummary | None = None  # what is offered, while the window is open
 
     def begin(self) -> None:
-        """Open the window when there is such a session."""
+        """Open the window if there is such a session."""
         self.left = self.sessions.find_cut_off()
 
     def close(self) -> None:
-        """Leave it for later."""
+        """Close the window; the session can be restored later."""
         self.left = None
 
     def panel(self) -> Panel:

@@ -45,11 +45,11 @@ class SessionBar:
     _pictures: dict[Path, Any] = field(default_factory=dict)  # textures of earlier sessions
 
     def panel(self) -> Panel:
-        """Return the bar, and the keys with Ctrl."""
+        """Return the bar's panel, with the Ctrl shortcuts."""
         return Panel("Session", PanelPlace.VIEW, self.draw, keys=self.keys)
 
     def draw(self, view: Rect) -> None:
-        """Draw the bar at the top left of the view, and what opens from it."""
+        """Draw the bar at the top left of the view, and its menus."""
         if view.width < px(MIN_VIEW):
             return
         imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN_PX), view.y + px(MARGIN_PX)))
@@ -63,7 +63,7 @@ class SessionBar:
         imgui.end()
 
     def keys(self) -> None:
-        """Ctrl+S, Ctrl+Shift+S, Ctrl+O, Ctrl+E, and undo and redo wherever no text is typed."""
+        """Handle Ctrl+S, Ctrl+Shift+S, Ctrl+O and Ctrl+E, and undo and redo outside text fields."""
         sessions = self.sessions
         for chord, act in (
             (_SAVE_AS, sessions.ask_save), (_SAVE, sessions.save), (_OPEN, sessions.ask_open),

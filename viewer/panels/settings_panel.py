@@ -39,7 +39,7 @@ SCALES = (
 
 @dataclass
 class SettingsWindow:
-    """What the window is drawn from, and whether it is open."""
+    """The settings window: what it needs, and whether it is open."""
 
     settings: Settings
     messages: Messages
@@ -52,7 +52,7 @@ class SettingsWindow:
     shown: bool = False
 
     def toggle(self) -> None:
-        """Open or close it."""
+        """Open or close the window."""
         self.shown = not self.shown
 
     def panel(self) -> Panel:
@@ -67,7 +67,7 @@ class SettingsWindow:
         )
 
     def chosen_model(self) -> Path | None:
-        """Return the model to begin with: the one chosen in the settings, as long as it is there."""
+        """Return the model to start with: the one in the settings if it still exists, else None."""
         text = self.settings.model_folder
         if not text or model_folder(text).is_dir():
             return model_folder(text) if text else None
@@ -75,7 +75,7 @@ class SettingsWindow:
         return None
 
     def choose_model(self, folder: Path | None) -> None:
-        """Load another model, now and at the next start; None is the default."""
+        """Load another model now and at the next start; None is the default."""
         controller = self.scene.controller
         folder = None if model_name(folder) == DEFAULT_MODEL else folder
         self.settings.model_folder = "" if folder is None else model_name(folder) or str(folder)
@@ -179,11 +179,11 @@ def _named(action: Action) -> str:
 
 @lru_cache(8)
 def choices() -> tuple[tuple[Path, str], ...]:
-    """Return the folder of every shipped model, and what is said of it."""
+    """Return the folder of every shipped model, with a description."""
     return tuple((folder, f"{name}: {use_of(folder)}") for name, folder in shipped_models().items())
 
 
 def use_of(folder: Path) -> str:
-    """Return what the licence of a shipped model allows, in a few words; ModelError when its metadata are damaged."""
+    """Return in a few words what the licence of a shipped model allows; ModelError if its metadata is damaged."""
     licence = str(read_metadata(folder).get("notes", {}).get("licence", ""))
     return FREE if licence.startswith("CC BY 4.0") else BOUND

@@ -14,7 +14,7 @@ from viewer.prompt.prompt_field import wrapped_text
 
 
 def panel(editing: Resimulation) -> Panel:
-    """Return the panel, in the place of the live prompt while a take plays."""
+    """Return the prompt panel of the playing take, which replaces the live one."""
     return Panel(
         "Prompt", PanelPlace.LEFT, lambda _: draw(editing), ICON.prompt,
         shown=lambda: editing.playback is not None, begin_typing=lambda: _begin_typing(editing),

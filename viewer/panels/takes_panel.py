@@ -36,7 +36,7 @@ TINTS = (theme.CLEAR, (0.85, 0.35, 0.35, 1.0), (0.85, 0.72, 0.3, 1.0), (0.42, 0.
 
 @dataclass(frozen=True)
 class TakesPanel:
-    """What the panel shows and uses."""
+    """The takes panel, with the tools it uses."""
 
     takes: Takes
     references: ReferenceCard
@@ -53,7 +53,7 @@ class TakesPanel:
 
 
 def sign(takes: Takes) -> Panel:
-    """Return the panel of the sign over the view while a take is recorded."""
+    """Return the panel with the recording sign over the view."""
 
     def draw_sign(view: Rect) -> None:
         seconds = takes.recorder.take_seconds

@@ -22,7 +22,7 @@ _ANSWERED = {  # by the source of an answer
 def draw_answer(
     controller: PromptController, blend: PromptBlend, side: Side, rows: int, lines: int = 2
 ) -> str:
-    """Draw a side's answer with at most `rows` of the nearest prompts and `lines` of remarks; return a prompt that was clicked, or ""."""
+    """Draw an answer with up to `rows` nearest prompts and `lines` of remarks; return a clicked prompt, or ""."""
     answer, pending = blend.answers[side], side in controller.pending
     missing = _missing(controller, answer, pending)
     if missing or answer is None:

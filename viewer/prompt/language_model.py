@@ -27,7 +27,7 @@ from viewer.settings import Settings
 
 @dataclass
 class LanguageModel:
-    """The choice of who answers. The key is held in memory, handed on, and kept nowhere else."""
+    """The choice between library and language model. The key is only kept in memory."""
 
     settings: Settings
     jobs: Jobs
@@ -43,21 +43,21 @@ class LanguageModel:
 
     @property
     def name(self) -> str:
-        """ "model at host" of the one in use, "" when the library answers alone."""
+        """Language model in use as "model at host", or "" for the library alone."""
         return self.controller.language_model
 
     @property
     def kind(self) -> str:
-        """ "library" or "gpt": as chosen, else as the environment says."""
+        """Who answers prompts, "library" or "gpt": the user's choice, or else that of the environment."""
         return self.settings.expander or ("gpt" if gpt_configured() else "library")
 
     def choose(self, kind: str) -> None:
-        """Let the library alone answer, or a language model with the library behind it."""
+        """Choose the library alone, or a language model with the library as fallback."""
         self.settings.expander = kind
         self.apply()
 
     def chosen(self) -> GptSettings | None:
-        """Return the language model to ask, None for the library alone; what is wrong with its settings is the `problem`."""
+        """Return the settings of the chosen language model, or None for the library; an error goes into `problem`."""
         self.problem = self.controller.language_model = ""
         if self.kind != "gpt":
             return None
@@ -70,7 +70,7 @@ class LanguageModel:
         return settings
 
     def apply(self) -> None:
-        """Put the choice and the settings into force, from the next prompt on."""
+        """Apply the choice and settings, from the next prompt on."""
         self.report = ""
         settings, library = self.chosen(), self.library
         if library is None:
@@ -82,9 +82,9 @@ class LanguageModel:
         self.jobs.submit(Slot("language model"), work, self.controller.use_expander)
 
     def use(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:
-        """Let a loaded model's workers answer; they were opened to ask `given`, which may no longer be the choice.
+        """Use the prompt workers of a newly loaded model, opened with the settings `given`, which may have changed since.
 
-        `again`: what the session moves by was encoded by another model.
+        `again`: codes of the session must be encoded anew for this model.
         """
         self.library = loaded.library
         changed = self.chosen() != given
@@ -118,7 +118,7 @@ class LanguageModel:
 
     @property
     def key_from_environment(self) -> bool:
-        """Whether the environment has a key for the address chosen."""
+        """Whether the environment has a key for the chosen address."""
         chosen = self.settings
         try:
             return bool(GptSettings.chosen(chosen.gpt_base_url, chosen.gpt_model).api_key)
@@ -126,7 +126,7 @@ class LanguageModel:
             return False
 
     def close(self) -> None:
-        """Do not wait for a test that is under way."""
+        """Cancel a running test."""
         self._stop.set()
 
 
@@ -135,7 +135,7 @@ WIDTH_PX = 340.0  # pixels at scale 1
 
 
 def draw(model: LanguageModel, corner: imgui.ImVec2) -> None:
-    """Draw the popup, where it was opened by `imgui.open_popup(POPUP)`; its upper left corner is at `corner`."""
+    """Draw the popup opened by `imgui.open_popup(POPUP)`, with its upper left corner at `corner`."""
     space = imgui.get_io().display_size
     width = min(px(WIDTH_PX), space.x - px(16))
     left = max(min(corner.x, space.x - width - px(8)), px(8))

@@ -47,7 +47,7 @@ BLOCKING_SECONDS = 60.0  # how long an offscreen run waits for an answer
 
 @dataclass
 class PromptController:
-    """Edits the prompt of the live character, and lets it move by what holds. Pairs are indexed by `Side`."""
+    """Edits the live character's prompt and applies the resulting style. Pairs are indexed by `Side`."""
 
     editor: Editor
     settings: Settings
@@ -85,7 +85,7 @@ class PromptController:
 
     @property
     def pending(self) -> set[Side]:
-        """Sides whose answer is on its way."""
+        """Sides that wait for an answer."""
         return {side for side in Side if self.questions[side] is not None}
 
     @property
@@ -93,26 +93,26 @@ class PromptController:
         return [*(box.text for box in self.boxes), *self.parts.values()]
 
     def applied(self, part: str) -> str:
-        """Return the words that a part moves by; "" before the first answer."""
+        """Return the words in force for a part; "" before the first answer."""
         return part_words(self.prompt)[part]
 
     # --- words
 
     def begin(self, prompt: str | None, blend: str | None = None, weights: Weights = ALL_A) -> None:
-        """Ask for the prompts that the program starts with, the everyday walk for None."""
+        """Request the prompts of the program's start; None is the default walk."""
         self.submit_prompt(DEFAULT_PROMPT if prompt is None else prompt, remembered=prompt is not None)
         if blend is not None:
             self.editor.amend(_with_prompt(lambda b: dataclasses.replace(b, weights=weights)))
             self.submit_prompt(blend, Side.B)
 
     def submit_prompt(self, text: str, side: Side = Side.A, remembered: bool = True) -> None:
-        """Expand a prompt and blend to it; locked and edited fields keep their words. An empty one says what is expected."""
+        """Expand a prompt and blend to it; locked and edited parts keep their words. An empty prompt shows a hint."""
         self.boxes[side].text = text
         label = f"prompt {quoted(text)}" if side is Side.A else f"prompt B {quoted(text)}"
         self._ask(side, Question(text, label, remembered))
 
     def submit_part(self, part: str, label: str = "") -> None:
-        """Encode one field's new words and lock them; an emptied field goes back to what the expander said."""
+        """Encode a part's edited words and lock it; an empty field restores the expander's words."""
         if not self.parts[part].strip():
             self.reset_part(part)
             return
@@ -126,35 +126,35 @@ class PromptController:
             self._ask(Side.A, Question(words, label or f"words of the {named(part)}"))
 
     def reset_part(self, part: str) -> None:
-        """Give a field the expander's words again, and release it."""
+        """Restore the expander's words of a part and unlock it."""
         answer = self.prompt.a
         if answer is not None:
             self.parts[part] = getattr(answer.said, part)
             self.submit_part(part, f"reset of the {named(part)}")
 
     def toggle_lock(self, part: str) -> None:
-        """Lock a field's words against the next prompt, and its blend against prompt B and every slider, or release them."""
+        """Lock or unlock a part: a locked part ignores new prompts and weight changes."""
         self._do(f"lock of the {named(part)}", lambda b: dataclasses.replace(b, locked=b.locked ^ {part}))
 
     # --- blending
 
     def set_weight(self, part: str, weight: float) -> None:
-        """Share of prompt B in one part that is not locked, while the mouse holds its slider."""
+        """Set the weight of prompt B in an unlocked part, during a drag."""
         if part not in self.prompt.locked:
             change = _with_prompt(lambda b: b.with_weight(part, weight))
             self.editor.drag(f"blend of the {named(part)}", change)
 
     def set_all_weights(self, weight: float) -> None:
-        """Share of prompt B in every part that is not locked, while the mouse holds the slider."""
+        """Set the weight of prompt B in all unlocked parts, during a drag."""
         self.editor.drag("blend of all parts", _with_prompt(lambda b: b.with_all_weights(weight)))
 
     def swap(self) -> None:
-        """Exchange prompts A and B; the character moves on as it did, and B's words become editable."""
+        """Swap prompts A and B; the motion stays the same, and B's words become editable."""
         if self.prompt.b is not None and not self.pending:
             self._do("swap of A and B", PromptBlend.turned_round)
 
     def drop_blend(self) -> None:
-        """Go back to prompt A alone; parts that are locked with a weight of prompt B keep it."""
+        """Return to prompt A alone; locked parts keep their weight of prompt B."""
         self._withdraw(Side.B)
         held = self.prompt.locked_on(Side.B)
         if held and self.prompt.b is not None:
@@ -166,7 +166,7 @@ class PromptController:
         self.boxes[Side.B].text = self.prompt.prompt(Side.B)
 
     def measure_blends(self, measure: Measure | None) -> None:
-        """Measure with another model how much of a blend's change each weight makes."""
+        """Set the function that measures perceptual blend weights, for a newly loaded model."""
         self.measure, self._measured = measure, None
 
     def _even_out(self, blend: PromptBlend) -> None:
@@ -188,12 +188,12 @@ class PromptController:
         self.jobs.submit(Slot("blend"), lambda: measure(a, b), evened, lambda _: None)
 
     def adopt(self, label: str, change: Change) -> None:
-        """Make a step after which the character moves by the prompt already: it is in force without a transition."""
+        """Apply a change as a step of undo whose style the character has already, so no transition follows."""
         self.editor.do(label, change)
         self.moves_by(self.prompt)
 
     def moves_by(self, blend: PromptBlend) -> None:
-        """Take note that the character moves by a blend already; it changes to the prompt in force, if that is another one."""
+        """Record the blend that the character shows already; if the prompt in force differs, blend to that."""
         self._due_seconds = None
         self._change_style(blend, self.prompt)
 
@@ -206,7 +206,7 @@ class PromptController:
     # --- the session changes
 
     def follow(self, _: Session, now: Session) -> None:
-        """Put the prompt that holds now into the fields where nothing newer stands, and have the character move by it."""
+        """Update the fields and the character's style to the session's prompt."""
         opened, prompt, shown = self.editor.file is not self._file, now.live.prompt, self._shown
         if prompt is shown and not opened:
             return
@@ -242,9 +242,9 @@ class PromptController:
     # --- questions
 
     def withdraw_unanswered(self) -> bool:
-        """Take back questions that have no answer at all yet, and say so; whether there were any.
+        """Cancel questions that have no answer yet, with a message; return whether there were any.
 
-        The first prompt of a session stays: without it there is nothing to move by.
+        The first prompt of a session is kept, since the character needs one.
         """
         first = self.prompt.a is None
         sides = [side for side, q in zip(Side, self.questions, strict=True) if q and not q.answered]
@@ -282,7 +282,7 @@ class PromptController:
             time.sleep(0.001)
 
     def poll(self) -> None:
-        """Take answers when there are any, and hand the style to the character once; call once a frame."""
+        """Process new answers and apply the style; call once per frame."""
         if self._exact_legs != self.settings.exact_legs:
             self._exact_legs = self.settings.exact_legs
             self._hand_over_within(self.settings.blend_seconds)
@@ -351,7 +351,7 @@ class PromptController:
     # --- workers
 
     def use(self, workers: tuple[PromptWorker, PromptWorker], again: bool = True) -> None:
-        """Let the workers of a loaded model answer; `again`: what holds was encoded by another model."""
+        """Use the workers of a loaded model; `again`: existing codes are from another model."""
         for worker in self.workers or ():
             worker.close()
         self.workers, self.available, self.loading = workers, True, False
@@ -362,7 +362,7 @@ class PromptController:
             self._ask_waiting()
 
     def ask_again(self) -> None:
-        """Encode the words of every step anew, as the model in use is another one; questions wait for that."""
+        """Encode the words of all steps anew for the model in use; new questions wait until that is done."""
         words = words_of_all([step.session for step in self.editor.history.steps])
         if self.workers is None:
             return
@@ -387,18 +387,18 @@ class PromptController:
         self.available = self.loading = False
 
     def use_expander(self, expander: Expander) -> None:
-        """Let another expander answer from the next prompt on."""
+        """Use another expander from the next prompt on."""
         for worker in self.workers or ():
             worker.use(expander)
 
     def answer(self, request: Request) -> Answer:
-        """Return the final answer to a prompt or six descriptions, for a take: waits, on a worker thread."""
+        """Return the final answer to a prompt or six descriptions, for a take; blocks, so call it on a worker."""
         if self.workers is None:
             raise PromptError("No model is loaded that could read a prompt.", "Wait until it is there.")
         return self.workers[Side.A].answer(request)
 
     def close(self, seconds: float = CLOSE_SECONDS) -> None:
-        """Stop the workers within so many seconds, after the text they are at: it must not outlive the interpreter."""
+        """Stop the workers within `seconds`, after the text being encoded."""
         end = time.monotonic() + seconds
         for worker in self.workers or ():
             worker.close(max(end - time.monotonic(), 0.0))
@@ -415,10 +415,10 @@ def _with_prompt(change: Callable[[PromptBlend], PromptBlend]) -> Change:
 
 
 def part_words(blend: PromptBlend) -> dict[str, str]:
-    """Return what each part of prompt A does; "" before its first answer."""
+    """Return the words of each part of prompt A; "" before its first answer."""
     return dict.fromkeys(PART_NAMES, "") if blend.a is None else dict(blend.a.words.to_mapping())
 
 
 def named(part: str) -> str:
-    """Return a body part in words."""
+    """Return a body part's name in words."""
     return part.replace("_", " ")

@@ -34,9 +34,9 @@ def draw(
     lines: int = 2,
     below: float = 0.0,
 ) -> None:
-    """Draw a side's field; a prompt that is entered or chosen is submitted. An emptied prompt B ends the blend.
+    """Draw the prompt field of a side; a prompt that is entered or chosen is submitted, an emptied prompt B ends the blend.
 
-    `below` is what the list leaves free under the field, in screen units.
+    `below` is the space under the field that the suggestion list must not cover, in screen units.
     """
     box, name = controller.boxes[side], f"##prompt {side.name}"
     if box.focus_requested:
@@ -63,7 +63,7 @@ def draw(
 
 
 def wrapped_text(name: str, text: str, lines: int = 2) -> tuple[bool, str, imgui.ImVec2]:
-    """Draw a field of so many lines; return whether Enter was pressed, its text, and its size."""
+    """Draw a multi-line text field; return whether Enter was pressed, its text, and its size."""
     height = imgui.get_text_line_height() * lines + 2 * imgui.get_style().frame_padding.y
     size = imgui.ImVec2(imgui.get_content_region_avail().x, height)
     return *imgui.input_text_multiline(name, text, size, WRAPPED), size
@@ -82,7 +82,7 @@ def is_active(field_id: int) -> bool:
 
 
 def undo_keys(field_id: int, unchanged: bool, editor: Editor) -> None:
-    """Let Ctrl+Z take back edits of the session in a field where nothing was typed; else it is the field's own."""
+    """Make Ctrl+Z undo session edits while the field's text is unchanged; otherwise it is the field's own undo."""
     if not unchanged:
         return
     undo, redo = pressed_undo()
@@ -93,7 +93,7 @@ def undo_keys(field_id: int, unchanged: bool, editor: Editor) -> None:
 
 
 def undo_buttons(editor: Editor, name: str, gap: float, size: float = 0.0, waits: bool = False) -> None:
-    """Undo and redo of the session as icons of a `size`; what `waits` for an answer can be undone too."""
+    """Draw undo and redo buttons; `waits` enables undo for a prompt that is waiting for its answer."""
     undo, redo = editor.undo_label, editor.redo_label
     hint, active = f"Undo {undo} (Ctrl+Z)", bool(undo) or waits
     if widgets.icon_button(ICON.undo, f"{name}undo", hint, theme.TEXT, active, size):
@@ -105,7 +105,7 @@ def undo_buttons(editor: Editor, name: str, gap: float, size: float = 0.0, waits
 
 
 def pressed_undo() -> tuple[bool, bool]:
-    """Return whether the keys for undo and for redo went down in this frame."""
+    """Return whether the keys for undo and for redo were pressed in this frame."""
     redo = any(imgui.is_key_chord_pressed(chord) for chord in _REDO)
     return bool(imgui.is_key_chord_pressed(_UNDO)), redo
 

@@ -59,9 +59,9 @@ class PromptPanel:
     _weak_of: tuple[object, str] = (None, "")  # answer and model for which that holds
 
     def use_model(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:
-        """Let a loaded model answer, whose workers were opened to ask `given`.
+        """Use the prompt workers of a newly loaded model, opened with the language model settings `given`.
 
-        `again`: what the session moves by was encoded by another model.
+        `again`: codes of the session must be encoded anew for this model.
         """
         self.model = loaded.name
         self.controller.measure_blends(loaded.perceptual_weights)
@@ -254,9 +254,9 @@ def _lock_button(name: str, locked: bool, hint: str, size: float = 0.0) -> bool:
 
 
 def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
-    """Return fraction (0 to 1) of a part's words that a model, by its name, shows on a walk, where that is hardly anything.
+    """Return the fraction (0 to 1) of a part's words that a walk of the model shows, if it is very small, else None.
 
-    None for the words of the walk that the program begins with.
+    Always None for the default walk.
     """
     if blend.a is None or (blend.a.prompt == DEFAULT_PROMPT and part not in blend.a.edited):
         return None

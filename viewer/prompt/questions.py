@@ -23,7 +23,7 @@ Codes = Mapping[PartDescriptions, NDArray[np.float32]]  # (6, 64) of six descrip
 
 @dataclass
 class Question:
-    """What was requested on one side, until its final answer."""
+    """A request on one side, until its final answer arrives."""
 
     request: Request
     label: str  # of the step of undo
@@ -33,22 +33,22 @@ class Question:
 
     @property
     def prompt(self) -> str:
-        """The prompt, "" where six descriptions were edited."""
+        """The prompt, or "" if six descriptions were edited."""
         return self.request if isinstance(self.request, str) else ""
 
     def held_by(self, answer: Answer | None) -> bool:
-        """Return whether an answer is one to this question."""
+        """Return whether an answer belongs to this question."""
         return answer is not None and answer.question == self.number
 
 
 def quoted(prompt: str) -> str:
-    """Return a prompt in the name of its step: on one line, cut where it is long."""
+    """Return a prompt for a step's label: on one line, shortened if long."""
     line = " ".join(prompt.split())
     return f"“{line if len(line) <= MAX_LABEL else line[: MAX_LABEL - 1] + '…'}”"
 
 
 def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
-    """Return the blend with the first answer to a question; words that were edited are locked with it."""
+    """Return the blend with the first answer to a question; edited words are locked."""
     before = blend.answers[side]
     if not question.prompt:
         words = answer if before is None else before.with_words(answer)
@@ -59,9 +59,9 @@ def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer
 
 
 def with_better_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
-    """Return the blend with a better answer in the place of the first one; the same blend where that does not hold.
+    """Return the blend with the first answer to a question replaced by a better one, if that is still in force.
 
-    Where a part was locked after the first answer, it keeps that answer's words.
+    Parts locked since the first answer keep its words.
     """
     first = blend.answers[side]
     if first is None or not question.held_by(first):
@@ -70,7 +70,7 @@ def with_better_answer(blend: PromptBlend, side: Side, question: Question, answe
 
 
 def words_of_all(sessions: Sequence[Session]) -> list[PartDescriptions]:
-    """Return all descriptions by which the live character or a variant moves in any of the sessions, each once."""
+    """Return all descriptions in use by the live character or a variant in any of the sessions, without duplicates."""
     blends = [
         blend for s in sessions for blend in (s.live.prompt, *(variant.prompt for variant in s.variants))
     ]
@@ -93,7 +93,7 @@ def with_codes(session: Session, codes: Codes) -> Session:
 
 
 def same_answers(a: PromptBlend, b: PromptBlend) -> bool:
-    """Return whether two blends have the same prompts in the same words and codes."""
+    """Return whether two blends have the same prompts, words and codes."""
     return all(
         x is y or (x and y and (x.prompt, x.words) == (y.prompt, y.words) and np.array_equal(x.z, y.z))
         for x, y in zip(a.answers, b.answers, strict=True)
@@ -103,9 +103,9 @@ def same_answers(a: PromptBlend, b: PromptBlend) -> bool:
 def answer_message(
     answer: Answer, prompt: str, model: str, followed: bool, kept: Sequence[str] = ()
 ) -> tuple[str, Level]:
-    """Return the text and level for an answer to `prompt`, as it is named; `followed` when the library had answered before.
+    """Return the message and its level for an answer; `followed` if the library had answered first.
 
-    `kept` are the parts whose locked words go on.
+    `kept` are the locked parts that keep their words.
     """
     text, level = _of_answer(answer, prompt, model, followed)
     parts = ", ".join(part.replace("_", " ") for part in kept)

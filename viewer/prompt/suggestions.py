@@ -22,7 +22,7 @@ Nearest = Callable[[str], tuple[tuple[str, float], ...]]
 
 @dataclass
 class PromptText:
-    """What stands in a text field for a prompt, with its list of suggestions."""
+    """The text of a prompt field, and the state of its suggestion list."""
 
     text: str = ""
     focus_requested: bool = False
@@ -35,7 +35,7 @@ class PromptText:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """One line of the list; `similarity` is a cosine for those found by meaning."""
+    """A suggestion; `similarity` is the cosine if it was found by meaning."""
 
     text: str
     recent: bool = False
@@ -44,7 +44,7 @@ class Suggestion:
 
 @dataclass
 class Suggester:
-    """Answers at once with what is known; what the worker finds is there some frames later."""
+    """Suggests prompts: known matches at once, matches by meaning some frames later from a worker."""
 
     settings: Settings
     jobs: Jobs
@@ -55,7 +55,7 @@ class Suggester:
     _found: tuple[Suggestion, ...] = ()
 
     def load_library(self, prompts: Callable[[], tuple[tuple[str, ...], tuple[str, ...]]]) -> None:
-        """Fetch the prompts to choose from and to suggest."""
+        """Load the prompts to choose from and to suggest."""
         self.jobs.submit(Slot("library"), prompts, self._take_library)
 
     def _take_library(self, prompts: tuple[tuple[str, ...], tuple[str, ...]]) -> None:
@@ -95,9 +95,9 @@ class Suggester:
 def suggest(
     typed: str, prompts: Sequence[str], history: Sequence[str] = (), near: Iterable[tuple[str, float]] = ()
 ) -> tuple[Suggestion, ...]:
-    """Return the suggestions for what is typed: own prompts, then those that begin so, have these words, or mean the like.
+    """Return suggestions for typed text: own prompts, then prompts that start with it, contain its words, or have a similar meaning.
 
-    Without typed words the latest own prompts.
+    Without text, the latest own prompts.
     """
     if not typed.strip():
         return tuple(Suggestion(text, recent=True) for text in history[:MAX_SUGGESTIONS])
@@ -119,7 +119,7 @@ def suggest(
 
 
 def matching(typed: str, prompts: Iterable[str]) -> list[str]:
-    """Return the prompts that begin with what is typed, then those in which each typed word begins a word; in their own order."""
+    """Return the prompts that start with the typed text, then those in which each typed word begins a word."""
     start, words = _folded(typed), _folded(typed).split()
     begin, within = [], []
     for prompt in prompts:
@@ -132,7 +132,7 @@ def matching(typed: str, prompts: Iterable[str]) -> list[str]:
 
 
 def remember(history: Sequence[str], prompt: str) -> list[str]:
-    """Return the history with a prompt in front, once, and no longer than `MAX_HISTORY`."""
+    """Return the history with a prompt moved to the front, limited to `MAX_HISTORY`."""
     prompt = " ".join(prompt.split())
     if not prompt:
         return list(history)

@@ -38,7 +38,7 @@ ORBIT_CLEARANCE_M = 0.08  # an orbit camera may look at feet from close to the g
 
 
 def look_at(eye: Array, target: Array) -> Array:
-    """Return the view matrix `(4, 4)` of an eye that looks at `target` with +Y up."""
+    """Return the view matrix `(4, 4)` of a camera at `eye` that looks at `target`, with +Y up."""
     back = np.asarray(eye, float) - target
     back = back / max(float(np.linalg.norm(back)), 1e-9)
     right = np.cross((0.0, 1.0, 0.0), back)
@@ -50,7 +50,7 @@ def look_at(eye: Array, target: Array) -> Array:
 
 
 def looked_at(hips: Array, terrain: Terrain, size: float = 1.0) -> Array:
-    """Return the point `(3,)` that a camera looks at: over the ground under the hips, so that steps do not shake it.
+    """Return the camera's target `(3,)` for hips `(3,)`: above the ground under them, so that steps do not shake it.
 
     The body is `size` times as tall as ours.
     """
@@ -69,7 +69,7 @@ def perspective(fov_y: float, aspect: float, near: float, far: float) -> Array:
 
 @dataclass(eq=False)
 class Camera:
-    """Holds the view of the world that the renderer and the controls use, whatever moves it."""
+    """A camera's view: target, direction, distance and field of view."""
 
     target: Array = field(default_factory=lambda: np.array([0.0, 0.9, 0.0]))
     yaw: float = math.pi
@@ -87,18 +87,18 @@ class Camera:
 
     @property
     def forward(self) -> Array:
-        """Unit direction `(3,)` from the camera, before any lift, to the target."""
+        """Unit vector `(3,)` from the camera, before any lift, to the target."""
         c = math.cos(self.pitch)
         return np.array([math.sin(self.yaw) * c, -math.sin(self.pitch), math.cos(self.yaw) * c])
 
     @property
     def heading(self) -> float:
-        """Yaw (radians) in which the controls call forward."""
+        """Yaw (radians) of the forward direction for the controls."""
         return self.yaw
 
     @property
     def half_height(self) -> float:
-        """Half the height that the window shows at a distance of 1."""
+        """Half the height (metres) visible at a distance of one metre."""
         return math.tan(self.fov_y / 2) / self.fit
 
     @property
@@ -109,14 +109,14 @@ class Camera:
         return look_at(self.position, self.target)
 
     def projection_matrix(self, aspect: float) -> Array:
-        """Return the matrix `(4, 4)` from camera to clip space, for `aspect` = width / height."""
+        """Return the projection matrix `(4, 4)` from camera to clip space, for `aspect` = width / height."""
         projection = perspective(2 * math.atan(self.half_height), aspect, NEAR_M, FAR_M)
         projection[:2, 2] = -self.shift, -self.shift_up
         return projection
 
 
 class OrbitCamera(Camera):
-    """Orbits a fixed target; the mouse turns, shifts and zooms it."""
+    """A camera that orbits a fixed target; the mouse rotates, pans and zooms it."""
 
     MIN_PITCH, MAX_PITCH = math.radians(-20.0), math.radians(88.0)
     MIN_DISTANCE, MAX_DISTANCE = 0.6, 60.0
@@ -126,23 +126,23 @@ class OrbitCamera(Camera):
 
     @property
     def position(self) -> Array:
-        """Eye position `(3,)` in metres, lifted where the ground would hide the target."""
+        """Camera position `(3,)` in metres, raised if the ground would hide the target."""
         return super().position + np.array([0.0, float(self._lift_m), 0.0])
 
     def orbit(self, dx_px: float, dy_px: float) -> None:
-        """Drag the scene by pixels: right turns it to the right, down shows it from above."""
+        """Rotate the view by a mouse drag in pixels: right turns the scene to the right, down shows it from above."""
         self.yaw = math.remainder(self.yaw - dx_px * ORBIT_RAD_PER_PX, math.tau)
         pitch = self.pitch + dy_px * ORBIT_RAD_PER_PX
         self.pitch = min(max(pitch, self.MIN_PITCH), self.MAX_PITCH)
 
     def pan(self, dx_px: float, dy_px: float, viewport_height_px: float) -> None:
-        """Drag the target in the plane of the view; what lies at its depth stays under the pointer."""
+        """Move the target in the view plane by a mouse drag in pixels, so that points at its depth follow the pointer."""
         metres = 2.0 * self.distance * self.half_height / max(viewport_height_px, 1.0)
         right, up = self.view_matrix()[:2, :3].astype(float)
         self.target = self.target + (-dx_px * right + dy_px * up) * metres
 
     def zoom(self, steps: float) -> None:
-        """Zoom by steps of the wheel; positive ones come closer."""
+        """Zoom by wheel steps; positive is closer."""
         distance = self.distance * ZOOM_STEP_FACTOR**steps
         self.distance = min(max(distance, self.MIN_DISTANCE), self.MAX_DISTANCE)
 
@@ -159,7 +159,7 @@ class OrbitCamera(Camera):
         return min(float(np.max(lift)), MAX_LIFT_FRACTION * self.distance)
 
     def keep_above(self, terrain: Terrain | None, dt: float) -> None:
-        """Lift the eye, smoothly, until no ground lies between it and the target."""
+        """Raise the camera smoothly until no ground is between it and the target."""
         goal = 0.0
         if terrain is not None:
             points = self.target - _ON_BOOM[:, None] * self.distance * self.forward
@@ -192,21 +192,21 @@ class FollowCamera(OrbitCamera):
 
     @property
     def heading(self) -> float:
-        """Yaw (radians) in which the controls call forward: in an opening view the character's, not the camera's."""
+        """Yaw (radians) of the forward direction for the controls; during an opening view it is the character's."""
         return self.yaw - self._opening
 
     def open_at(self, heading: float, turn: float) -> None:
-        """Look along `heading` from `turn` radians to the side; once the character walks, the camera goes behind it."""
+        """Start with an opening view `turn` radians off `heading`; when the character walks, the camera moves behind it."""
         self._opening = turn
         self.yaw = math.remainder(heading + turn, math.tau)
 
     def orbit(self, dx_px: float, dy_px: float) -> None:
-        """Drag the scene by pixels, which ends an opening view."""
+        """Rotate the view by a mouse drag in pixels, which ends an opening view."""
         self._opening = 0.0 if dx_px else self._opening
         super().orbit(dx_px, dy_px)
 
     def snap(self, target: Array) -> None:
-        """Jump to a target at once, as after a reset of the character."""
+        """Jump to a target without smoothing, such as after a reset."""
         self.target = np.array(target, float)
         self._target_velocity = np.zeros(3)
 
@@ -220,8 +220,8 @@ class FollowCamera(OrbitCamera):
     ) -> None:
         """Advance by `dt` seconds.
 
-        `target` `(3,)` is what to follow, `stick` the right stick (x right, y up, -1..1), `terrain` what to stay
-        above, `align_yaw` a heading to turn towards gently while the stick rests (None: keep the heading).
+        `target` `(3,)` is the point to follow, `stick` the right stick (x right, y up, -1..1), `terrain` the ground to
+        stay above, `align_yaw` a heading to turn to slowly while the stick is at rest (None: keep the heading).
         """
         half_life = np.array([TARGET_HALF_LIFE_S, TARGET_HEIGHT_HALF_LIFE_S, TARGET_HALF_LIFE_S])
         self.target, self._target_velocity = spring(

@@ -28,7 +28,7 @@ COVERING_OPACITY = 0.35  # of all ghosts before the character together, which mu
 
 
 class SkinnedMesh(Protocol):
-    """Says what is drawn: a `runtime.character.character.Character`, or a stand-in with the same arrays."""
+    """Interface of a drawable mesh: a `runtime.character.character.Character`, or a stand-in with the same arrays."""
 
     @property
     def positions(self) -> Array: ...  # (V, 3) rest pose, metres
@@ -76,7 +76,7 @@ class CharacterPass:
         self._draws: list[CharacterDraw] = []
 
     def set_character(self, mesh: SkinnedMesh) -> None:
-        """Show another mesh; FileError when it has more joints than the shaders hold."""
+        """Use another mesh; FileError if it has more joints than the shaders support."""
         joints = int(mesh.joint_indices.max()) + 1
         if joints > MAX_JOINTS:
             raise FileError(
@@ -143,11 +143,11 @@ class CharacterPass:
         return crowd
 
     def draw_depth(self) -> None:
-        """Draw the solid characters into the shadow map that is bound."""
+        """Draw the solid characters into the bound shadow map."""
         self._render_solid("depth")
 
     def draw(self, shadow_map: moderngl.Texture, on_top: bool = False) -> None:
-        """Draw the solid characters; `on_top` also where something hides them."""
+        """Draw the solid characters; `on_top` also where they are hidden."""
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._ctx.depth_func = "1" if on_top else "<"
         shadow_map.use(0)
@@ -209,9 +209,9 @@ def _mask_colors(target: moderngl.Framebuffer, written: bool) -> None:
 def character_draws(
     solid: list[Pose], ghosts: list[Pose], frames: list[Pose], eye: Array
 ) -> list[CharacterDraw]:
-    """Return what is drawn of solid poses, the first of them the character, of ghosts, and of ghosts at other times.
+    """Return the draw list: solid poses, the character first, then ghosts, then ghosts of other `frames`.
 
-    Ghosts are fainter, the more of them stand before the character as seen from `eye` `(3,)`.
+    Ghosts become fainter if several are in front of the character as seen from `eye` `(3,)`.
     """
 
     def away(one: Pose) -> float:
@@ -229,7 +229,7 @@ def character_draws(
 
 
 def near_hems(positions: Array, triangles: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Return which vertices `(V,)` lie at an open edge or a few triangles from it: past a hem the inside of clothes shows."""
+    """Return which vertices `(V,)` are at an open edge or a few triangles from it, where the inside of clothes is visible."""
     place = _groups(np.rint(positions / SAME_M))[1]
     corners = place[triangles]
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], -1).reshape(-1, 2), axis=1)
@@ -249,9 +249,9 @@ def coarse_triangles(
     colors: Array | None = None,
     kept: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.integer]:
-    """Return fewer triangles `(n, 3)` over the same vertices: one vertex stands for its cell of space, those `kept` for themselves.
+    """Return triangles `(n, 3)` of a simplified mesh: vertices in a cell of size `cell_m` are merged, except those `kept`.
 
-    With `colors` `(V, 3)` for those of its color there: where two colors meet, both keep to the same line.
+    With `colors` `(V, 3)`, only vertices of equal colour are merged, so that colour borders stay sharp.
     """
     keys = np.floor(positions / cell_m).astype(np.int64)
     order = np.arange(len(positions))

@@ -23,7 +23,7 @@ UNIFORM_BYTES = 2 * 64 + 7 * 16  # two matrices and seven vectors
 
 @dataclass(frozen=True)
 class RenderFrame:
-    """Holds what the passes need to know about the frame that is being drawn."""
+    """Data of the frame being drawn, shared by all passes."""
 
     size: tuple[int, int]  # pixels
     eye: Array  # (3,) metres
@@ -34,7 +34,7 @@ class RenderFrame:
     uniforms: bytes  # the block `Frame` of common.glsl
 
     def ground_box(self, reach_m: float) -> tuple[Array, Array]:
-        """Return the least and greatest x, z `(2,)` of characters and shadows, and at least `reach_m` around."""
+        """Return the min and max (x, z) `(2,)` around characters and shadows, extending at least `reach_m`."""
         if not len(self.cast):
             return np.zeros(2), np.zeros(2)
         low, high = self.cast[:, ::2].min(0), self.cast[:, ::2].max(0)
@@ -42,7 +42,7 @@ class RenderFrame:
         return low - spare, high + spare
 
     def screen_box(self, points: Array, margin_m: float) -> tuple[int, int, int, int]:
-        """Return the box of pixels (x, y, width, height; y up) that `points` `(n, 3)` cover; all when one lies behind the eye."""
+        """Return the pixel box (x, y, width, height; y up) of `points` `(n, 3)`; the full frame if one is behind the camera."""
         width, height = self.size
         if not len(points):
             return 0, 0, 0, 0
@@ -59,7 +59,7 @@ class RenderFrame:
 def make_frame(
     camera: Camera, size: tuple[int, int], poses: list[Pose], shadow_reach_m: float, most_texels: int
 ) -> RenderFrame:
-    """Return the frame of a camera and of the poses that cast shadows, whose map has at most `most_texels` a side."""
+    """Return the data of a frame for a camera and shadow-casting poses; the shadow map has at most `most_texels` a side."""
     aspect = size[0] / max(size[1], 1)
     view, projection = camera.view_matrix(), camera.projection_matrix(aspect)
     eye = np.asarray(camera.position, np.float32)

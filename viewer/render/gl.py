@@ -22,7 +22,7 @@ REMEDY = "Install the program again; if you edited this shader, correct that lin
 def load_program(
     ctx: moderngl.Context, vertex: str, fragment: str, defines: Mapping[str, int] | None = None
 ) -> moderngl.Program:
-    """Compile and link two shaders, and bind their uniform blocks; FileError, or DisplayError with the compiler's words."""
+    """Compile and link two shaders and bind their uniform blocks; FileError, or DisplayError with the compiler's message."""
     if not ctx.includes:
         ctx.includes.update({path.name: _read(path.name) for path in SHADER_ROOT.glob("*.glsl")})
     added = "".join(f"#define {name} {value}\n" for name, value in (defines or {}).items())
@@ -44,12 +44,12 @@ def _read(name: str) -> str:
 
 
 def screen_triangle(ctx: moderngl.Context, fragment: str) -> moderngl.VertexArray:
-    """Return a triangle over the whole frame, at the far plane, with a fragment shader; render 3 vertices."""
+    """Return a triangle that covers the frame at the far plane, for a fragment shader; render 3 vertices."""
     return ctx.vertex_array(load_program(ctx, "sky.vert", fragment), [])
 
 
 def set_uniforms(program: moderngl.Program, values: Mapping[str, object]) -> None:
-    """Set uniforms by value, arrays by their bytes; names that the compiler has removed are passed over."""
+    """Set uniforms by value, arrays by their bytes; names that the compiler removed are ignored."""
     for name, value in values.items():
         uniform = program.get(name, None)
         if not isinstance(uniform, moderngl.Uniform):
@@ -62,7 +62,7 @@ def set_uniforms(program: moderngl.Program, values: Mapping[str, object]) -> Non
 
 @contextmanager
 def scissored(framebuffer: moderngl.Framebuffer, box: tuple[int, int, int, int]) -> Iterator[None]:
-    """Draw only into the pixels `box` (x, y, width, height; y up)."""
+    """Restrict drawing in the block to the pixels `box` (x, y, width, height; y up)."""
     framebuffer.scissor = box
     try:
         yield
@@ -71,20 +71,20 @@ def scissored(framebuffer: moderngl.Framebuffer, box: tuple[int, int, int, int])
 
 
 def upload(buffer: moderngl.Buffer, data: bytes) -> None:
-    """Replace what a buffer holds, in parts: for larger ones Mesa's drawing thread would be waited for."""
+    """Replace a buffer's content in parts; larger parts would wait for Mesa's drawing thread."""
     buffer.orphan(len(data))
     for at in range(0, len(data), UPLOAD_BYTES):
         buffer.write(data[at : at + UPLOAD_BYTES], offset=at)
 
 
 def shown_size(framebuffer: moderngl.Framebuffer) -> tuple[int, int]:
-    """Return the size in pixels of what is drawn into; moderngl's `size` of a window's own framebuffer never changes."""
+    """Return the size of a framebuffer in pixels; moderngl's `size` of a window's framebuffer never changes."""
     _, _, width, height = framebuffer.viewport
     return width, height
 
 
 def release(*objects: Any) -> None:
-    """Free GPU objects, and the programs of vertex arrays; None is passed over."""
+    """Release GPU objects, including the programs of vertex arrays; None is ignored."""
     for item in objects:
         if isinstance(item, moderngl.VertexArray):
             item.program.release()

@@ -26,7 +26,7 @@ LIGHT, DARK = np.array([0.70, 0.70, 0.68]), np.array([0.012, 0.014, 0.018])
 
 
 def dressed(character: Character, look: str) -> Character:
-    """Return the character in a look, one of `viewer.settings.LOOKS`."""
+    """Return the character coloured in a look, one of `viewer.settings.LOOKS`."""
     return character if look == "own" else replace(character, colors=_colors(character, look))
 
 
@@ -42,7 +42,7 @@ def _colors(character: Character, look: str) -> Array:
 
 
 def part_of_vertices(character: Character) -> Array:
-    """Return the body part of each vertex `(V,)`, as an index in `PART_NAMES`: that of its strongest joint, or of the joints above it."""
+    """Return the body part of each vertex `(V,)` as an index of `PART_NAMES`, from its strongest joint or that joint's ancestors."""
     of_ours = np.full(len(character.joint_names), PART_NAMES.index("torso"))
     parts = {joint: k for k, name in enumerate(PART_NAMES) for joint in PART_JOINTS[name]}
     for k, (ours, parent) in enumerate(zip(character.sport_joints, character.joint_parents, strict=True)):
@@ -52,6 +52,6 @@ def part_of_vertices(character: Character) -> Array:
 
 
 def packed_tint(part: int) -> tuple[float, float, float, float]:
-    """Return the colour of a body part as the panels show it, sRGB with full opacity."""
+    """Return the panel colour of a body part, sRGB with full opacity."""
     r, g, b = (float(value) for value in np.clip(1.6 * PART_COLORS[part], 0.0, 1.0) ** (1 / 2.2))
     return r, g, b, 1.0

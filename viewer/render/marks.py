@@ -73,7 +73,7 @@ def make_strokes(
 
 
 def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strokes:
-    """Return one line through the samples, laid on the terrain, with a tick across it at each; grey behind, blue ahead with an arrow."""
+    """Return a line through the trajectory samples on the terrain with a tick at each; grey in the past, blue with an arrow ahead."""
     places = np.asarray(trajectory.positions, np.float32)[:, [0, 2]]
     facing = np.asarray(trajectory.directions, np.float32)
     past = np.asarray(trajectory.past, bool)
@@ -102,7 +102,7 @@ def _smooth(values: Array, at: Array) -> Array:
 
 
 def path_strokes(path: PathOverlay, terrain: Terrain) -> Strokes:
-    """Return a path as lines laid on the terrain, and a dot at each point, a larger one where it is selected."""
+    """Return a path as lines on the terrain, with a dot at each point, larger for the selected one."""
     corners = np.asarray(path.points, np.float32)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     even = np.linspace(0.0, lengths[-1], 2 + int(lengths[-1] / PATH_STEP_M))
@@ -116,7 +116,7 @@ def path_strokes(path: PathOverlay, terrain: Terrain) -> Strokes:
 
 
 def contact_strokes(pose: Pose, terrain: Terrain) -> Strokes:
-    """Return a ring on the ground under each heel and toe, filled and green while it bears the character."""
+    """Return a ring on the ground under each heel and toe, filled green while in contact."""
     places = _on_terrain(pose.positions[CONTACT_INDICES][:, [0, 2]], terrain)
     size, hole = CONTACT_RADIUS_M, 0.8 * CONTACT_RADIUS_M
     ring = make_strokes(places, places, size, _contact_colors(pose, 0.4, 0.6), hole)
@@ -125,7 +125,7 @@ def contact_strokes(pose: Pose, terrain: Terrain) -> Strokes:
 
 
 def contact_dots(pose: Pose, pixel_scale: float) -> Strokes:
-    """Return a dot over everything at each heel and toe, green while it bears the character."""
+    """Return a dot on top of everything at each heel and toe, green while in contact."""
     places, size = _soles(pose), 1.3 * JOINT_RADIUS_PX * pixel_scale
     rim = make_strokes(places, places, size + OUTLINE_PX * pixel_scale, OUTLINE)
     return np.concatenate([rim, make_strokes(places, places, size, _contact_colors(pose, 0.55, 0.45))])
@@ -144,7 +144,7 @@ def _contact_colors(pose: Pose, opacity: float, more: float) -> Array:
 
 
 def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
-    """Return bones and joints over everything: left teal, right orange, the middle dark, with a light outline."""
+    """Return bones and joints on top of everything: left teal, right orange, the middle dark, with a light outline."""
     child, parent = _visible_bones().T
     colors = _joint_colors()[child]
     start, end = pose.positions[parent], pose.positions[child]
@@ -160,7 +160,7 @@ def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
 
 
 def trail_strokes(trails: TrailOverlay, pixel_scale: float) -> Strokes:
-    """Return a line for each joint over everything: blue where it rests, over green to red where it is fast; the future is paler."""
+    """Return a line per joint on top of everything, coloured by speed from blue through green to red; the future is paler."""
     points, speeds = np.asarray(trails.points, np.float32), np.asarray(trails.speeds, np.float32)
     steps, joints = len(points) - 1, points.shape[1]
     if steps < 1:
@@ -175,7 +175,7 @@ def trail_strokes(trails: TrailOverlay, pixel_scale: float) -> Strokes:
 
 
 def pin_strokes(pins: PinOverlay, pixel_scale: float) -> Strokes:
-    """Return a dot at each pin over everything, a larger one where it is selected, and lines for rails."""
+    """Return a dot at each pin on top of everything, larger if selected, and lines for rails."""
     size, rim = PIN_RADIUS_PX * pixel_scale, OUTLINE_PX * pixel_scale
     places, rails = np.asarray(pins.points, np.float32), np.asarray(pins.rails, np.float32)
     dots = make_strokes(places, places, size, (*PIN, 1.0))
@@ -187,7 +187,7 @@ def pin_strokes(pins: PinOverlay, pixel_scale: float) -> Strokes:
 
 
 def marks_of(pose: Pose) -> Array:
-    """Return what darkens the ground close by, `(2, 3, 4)`: for both feet and the body, heels with radii and toes with strengths."""
+    """Return the contact shadows of a pose `(2, 3, 4)`: heels with radius, then toes with strength, of both feet and the body."""
     soles = _soles(pose).reshape(2, 2, 3).swapaxes(0, 1)
     places = np.concatenate([soles, np.tile(pose.root_position, (2, 1, 1))], axis=1)
     sizes = (
@@ -225,7 +225,7 @@ def _joint_colors() -> Array:
 
 
 class OverlayPass:
-    """Draws strokes and dots with soft edges."""
+    """Draws overlay strokes and dots with soft edges."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
@@ -239,13 +239,13 @@ class OverlayPass:
         self._on_top = ctx.vertex_array(on_top, [top_layout])
 
     def draw_on_ground(self, strokes: Strokes) -> None:
-        """Draw strokes whose radii are metres, hidden by what stands before them."""
+        """Draw strokes with radii in metres, hidden by objects in front."""
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self._ctx.depth_func = "<="
         self._draw(self._on_ground, strokes)
 
     def draw_on_top(self, strokes: Strokes) -> None:
-        """Draw strokes whose radii are pixels, over everything."""
+        """Draw strokes with radii in pixels, on top of everything."""
         self._ctx.enable_only(moderngl.BLEND)
         self._draw(self._on_top, strokes)
 

@@ -15,9 +15,9 @@ from runtime.errors import DisplayError
 
 
 def save_png(pixels: NDArray[np.uint8], path: Path, new: bool = False) -> Path:
-    """Write `(height, width, 3)` as PNG and return the path; FileError names it when it cannot be written.
+    """Write an image `(height, width, 3)` as PNG and return the path. Raises FileError.
 
-    With `new` no file is replaced: a name that is taken becomes name-2, name-3, … .
+    With `new`, no file is replaced: a taken name becomes name-2, name-3, ….
     """
     from PIL import Image
 
@@ -35,7 +35,7 @@ REMEDY = "Install the OpenGL libraries: apt-get install libegl1 libgl1 (or your 
 
 
 def create_offscreen_context() -> moderngl.Context:
-    """Return a standalone OpenGL 3.3 context made by EGL; DisplayError names the library that is missing."""
+    """Return a standalone OpenGL 3.3 context created by EGL; DisplayError names the missing library."""
     try:
         settings: dict[str, Any] = {"backend": "egl", "libegl": "libEGL.so.1", "libgl": "libGL.so.1"}
         return moderngl.create_context(require=330, standalone=True, **settings)
@@ -51,7 +51,7 @@ def _missing_library(message: str) -> str:
 
 
 class OffscreenTarget:
-    """Holds an image in memory: make a `Renderer` with `ctx`, render into `framebuffer`, and get the pixels by `read()`."""
+    """An offscreen image: make a `Renderer` with `ctx`, render into `framebuffer`, and read the pixels with `read()`."""
 
     def __init__(self, width: int, height: int) -> None:
         self.ctx = create_offscreen_context()
@@ -60,7 +60,7 @@ class OffscreenTarget:
         self.framebuffer = self.ctx.framebuffer([self._color])
 
     def read(self) -> NDArray[np.uint8]:
-        """Return the image `(H, W, 3)`, sRGB, first row on top."""
+        """Return the image `(H, W, 3)`, sRGB, top row first."""
         width, height = self.size
         data = self.framebuffer.read(components=3, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1].copy()

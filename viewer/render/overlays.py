@@ -17,7 +17,7 @@ PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the prese
 
 @dataclass(frozen=True)
 class TrajectoryOverlay:
-    """Holds the controller's trajectory in world space."""
+    """The controller's trajectory in world space."""
 
     positions: Array  # (12, 3) metres
     directions: Array  # (12, 2) facing on the XZ plane
@@ -31,7 +31,7 @@ def trajectory_overlay(controller: Controller) -> TrajectoryOverlay:
 
 @dataclass(frozen=True)
 class PathOverlay:
-    """Holds the points of a path on the ground; one may be selected."""
+    """The points of a path on the ground; one may be selected."""
 
     points: Array  # (n, 2) x and z, metres
     selected: int = -1
@@ -39,7 +39,7 @@ class PathOverlay:
 
 @dataclass(frozen=True)
 class TrailOverlay:
-    """Holds the positions of joints over time, with their speeds."""
+    """Positions of joints over time, with their speeds."""
 
     points: Array  # (T, J, 3) metres
     speeds: Array  # (T, J) metres per second
@@ -48,7 +48,7 @@ class TrailOverlay:
 
 @dataclass(frozen=True)
 class PinOverlay:
-    """Holds the points to which hands, feet and gaze are pinned, and rails between two of them."""
+    """The points to which hands, feet and gaze are pinned, and their rails."""
 
     points: Array  # (n, 3) metres
     selected: NDArray[np.bool_]  # (n,)
@@ -57,9 +57,9 @@ class PinOverlay:
 
 @dataclass(frozen=True)
 class Figure:
-    """A character of another mesh: `matrices` `(K, 4, 4)` of its joints, and the pose of ours that casts its shadow.
+    """A character with another mesh: joint `matrices` `(K, 4, 4)`, and a SPORT pose that casts its shadow.
 
-    A ghost is translucent; what is `on_top` nothing hides.
+    A `ghost` is translucent; one that is `on_top` is never hidden.
     """
 
     mesh: Any  # a `SkinnedMesh`
@@ -75,7 +75,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Overlays:
-    """Says what is drawn over the scene in one frame; `Overlays()` shows the grid and nothing else."""
+    """What is drawn over the scene in a frame; the default is the grid alone."""
 
     trajectory: TrajectoryOverlay | None = None
     show_skeleton: bool = False

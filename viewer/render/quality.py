@@ -11,7 +11,7 @@ SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "swiftshader")
 
 @dataclass(frozen=True)
 class Quality:
-    """Says how much is spent on a frame; `FAST`, `SOFTWARE` and `HIGH` are the shipped presets."""
+    """Rendering quality; the presets are `FAST`, `SOFTWARE` and `HIGH`."""
 
     name: str
     grid_resolution: int  # terrain vertices per side; the mesh keeps to 2 * grid_resolution ** 2 triangles
@@ -36,15 +36,15 @@ PRESETS = {preset.name: preset for preset in (FAST, SOFTWARE, HIGH)}
 
 
 def is_software(ctx: moderngl.Context) -> bool:
-    """Return whether OpenGL runs on the processor."""
+    """Return whether OpenGL runs on the CPU."""
     renderer = str(ctx.info["GL_RENDERER"]).lower()
     return any(name in renderer for name in SOFTWARE_RENDERERS)
 
 
 def choose_quality(ctx: moderngl.Context, name: str = "") -> Quality:
-    """Return the preset of a name; by default `SOFTWARE` when OpenGL runs on the processor, else `HIGH`.
+    """Return the preset of a name; the default is `SOFTWARE` if OpenGL runs on the CPU, else `HIGH`.
 
-    On the processor multisampling costs as much as all the rest of a picture: edges are softened in its place.
+    On the CPU multisampling costs as much as the rest of a frame, so edges are smoothed instead.
     """
     software = is_software(ctx)
     preset = PRESETS[name or ("software" if software else "high")]

@@ -35,7 +35,7 @@ FIGURE_OPACITY = 0.75  # of one that stands where the character does
 class Renderer:
     """Draws terrain, characters and overlays into a framebuffer.
 
-    Between frames it leaves the target bound, and depth test, blending and face culling off.
+    After a frame the target stays bound, with depth test, blending and face culling off.
     """
 
     def __init__(self, ctx: moderngl.Context, quality: Quality | None = None) -> None:
@@ -53,18 +53,18 @@ class Renderer:
         self._ground = Terrain.flat()
 
     def set_terrain(self, terrain: Terrain) -> None:
-        """Show another height map from the next frame on."""
+        """Use another height map from the next frame on."""
         self._ground = terrain
         self._terrain.set_terrain(terrain)
 
     def set_character(self, character: SkinnedMesh) -> None:
-        """Show another skinned mesh; FileError when it has too many joints."""
+        """Use another skinned mesh; FileError if it has too many joints."""
         self._characters.set_character(character)
 
     def render(
         self, target: moderngl.Framebuffer, camera: Camera, pose: Pose | None, overlays: Overlays
     ) -> None:
-        """Draw one frame into `target`; without a pose only the ground."""
+        """Draw one frame into `target`; without a pose, only the ground."""
         figure = overlays.figure
         solid = overlays.extra_poses if pose is None else [pose, *overlays.extra_poses]
         standing = [*solid, figure.pose] if figure is not None and figure.casts else solid

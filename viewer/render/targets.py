@@ -13,14 +13,14 @@ Box = tuple[int, int, int, int]  # pixels: x, y (up), width, height
 
 
 class ShadowMap:
-    """Holds depths seen from the sun, in a texture that compares them as it is read."""
+    """The depth texture as seen from the sun; shaders read it with a comparison."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
         self._make(1)
 
     def begin(self, size: int) -> None:
-        """Bind a cleared map of `size` texels a side, made anew when the size has changed."""
+        """Bind and clear the map with `size` texels a side, recreated if the size changed."""
         if self.texture.size != (size, size):
             self.release()
             self._make(size)
@@ -40,7 +40,7 @@ class ShadowMap:
 
 
 class SceneTarget:
-    """Holds the scene's own image with depth, and copies it into the framebuffer that is shown."""
+    """The scene's framebuffer with depth, copied to the shown framebuffer at the end."""
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
@@ -67,14 +67,14 @@ class SceneTarget:
         self._scene = self._ctx.framebuffer([self._color or self._picture], self._depth)
 
     def begin(self, shown_size: tuple[int, int]) -> moderngl.Framebuffer:
-        """Return the scene's framebuffer for a frame of `shown_size` pixels, made anew when the size has changed."""
+        """Return the scene's framebuffer for a frame of `shown_size` pixels, recreated if the size changed."""
         if shown_size != self._shown_size:
             self._free_images()
             self._make_images(shown_size)
         return self._scene
 
     def present(self, target: moderngl.Framebuffer, edges: Box) -> None:
-        """Draw the scene into the target, stretched where it is smaller; soften edges in the scene's pixels `edges`."""
+        """Copy the scene into the target, scaled if it is smaller, smoothing edges within the scene's pixel box `edges`."""
         if self._samples:
             self._ctx.copy_framebuffer(self._resolved, self._scene)
         self._ctx.enable_only(moderngl.NOTHING)
@@ -115,7 +115,7 @@ class SceneTarget:
 
 
 def scene_size(shown_size: tuple[int, int], quality: Quality) -> tuple[int, int]:
-    """Return how many pixels to render, in x and y, for a frame of `shown_size` pixels."""
+    """Return the render size in pixels (x, y) for a frame of `shown_size` pixels."""
     width, height = (side * quality.render_scale for side in shown_size)
     if quality.max_pixels and width * height > quality.max_pixels:
         shrink = math.sqrt(quality.max_pixels / (width * height))

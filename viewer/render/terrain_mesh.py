@@ -34,7 +34,7 @@ RELIEF = ((0.07, 0.05, 0.30), (0.60, 0.10, 0.45))
 
 @dataclass(frozen=True)
 class TerrainWindow:
-    """Holds a part of a terrain as a grid with a ring around it; index [0] and [-1] are the ring."""
+    """The drawn part of a terrain as a grid with a border ring; indices [0] and [-1] are the ring."""
 
     heights: Array  # (nx + 2, nz + 2) float32
     cell_m: float
@@ -47,7 +47,7 @@ class TerrainWindow:
 
     @property
     def centre(self) -> Array:
-        """Return x and z of the middle, `(2,)`."""
+        """Return x and z of the centre, `(2,)`."""
         return np.array(self.origin) + 0.5 * self.cell_m * TILE * np.array(self.tiles)
 
     @cached_property
@@ -57,7 +57,7 @@ class TerrainWindow:
 
     @cached_property
     def relief(self) -> NDArray[np.float16]:
-        """Return by how much each vertex is lighter (edges, crests) or darker (hollows) than level ground, `(nx + 2, nz + 2)`."""
+        """Return how much lighter (edges, crests) or darker (hollows) than level ground each vertex is, `(nx + 2, nz + 2)`."""
         h = self.heights
         relief = np.zeros(h.shape, np.float32)
         for size, full, weight in RELIEF:
@@ -67,15 +67,15 @@ class TerrainWindow:
 
     @cached_property
     def height_range(self) -> tuple[Array, Array]:
-        """Return the lowest and the highest vertex of each tile, both `(tiles x, tiles z)`."""
+        """Return the lowest and highest height of each tile, both `(tiles x, tiles z)`."""
         blocks = _tile_blocks(self.heights[1:-1, 1:-1])
         return blocks.min((1, 3)), blocks.max((1, 3))
 
     @cached_property
     def errors(self) -> Array:
-        """Return the largest height error (metres) per axis, level and tile, `(2, LEVELS, tiles x, tiles z)`, rising by level.
+        """Return the largest height error (metres) per axis, level and tile, `(2, LEVELS, tiles x, tiles z)`, increasing by level.
 
-        Errors of the two axes add at most: linear interpolation along one does not enlarge those of the other.
+        The errors of both axes add up at most, since interpolating along one does not enlarge that of the other.
         """
         h = self.heights[1:-1, 1:-1]
         errors = np.zeros((2, LEVELS, *self.tiles), np.float32)
@@ -117,7 +117,7 @@ def _tile_blocks(grid: Array) -> Array:
 
 
 def cut_window(terrain: Terrain, centre: Array) -> TerrainWindow:
-    """Return the part of `terrain` about `centre` (x, z) that is drawn; all of it when it is small."""
+    """Return the part of `terrain` around `centre` (x, z) to draw; all of it if it is small."""
     min_x, min_z, max_x, max_z = terrain.extent
     spans = (max_x - min_x, max_z - min_z)
     cell = max(terrain.cell_m, min(max(spans), WINDOW_M) / MAX_CELLS)
@@ -174,7 +174,7 @@ def _apron_pattern(level: int, side: int, row: int) -> Indices:
 
 
 class TerrainMesh:
-    """Chooses the triangles of one window for a view."""
+    """Level-of-detail triangles of a terrain window."""
 
     def __init__(self, window: TerrainWindow) -> None:
         self.window = window
@@ -191,8 +191,9 @@ class TerrainMesh:
     def levels(
         self, eye: Array, radians_per_pixel: float, chosen: NDArray[np.bool_], max_triangles: int
     ) -> Levels:
-        """Return the levels `(2, tiles x, tiles z)` along x and z, such that errors stay under a pixel seen from `eye`,
-        or under a few where the `chosen` tiles would take more than `max_triangles`.
+        """Return the detail levels `(2, tiles x, tiles z)` along x and z that keep errors under a pixel, seen from `eye`.
+
+        The limit grows to a few pixels if the `chosen` tiles would exceed `max_triangles`.
         """
         nearest = np.clip(eye, self._low, self._high)
         distance = np.maximum(np.linalg.norm(nearest - eye, axis=-1), 0.5)
@@ -214,18 +215,18 @@ class TerrainMesh:
         return np.all(np.sum(normal * corner, -1) + planes[:, None, None, 3] >= 0, axis=0)
 
     def touching(self, low: Array, high: Array) -> NDArray[np.bool_]:
-        """Return the tiles that overlap the rectangle from `low` to `high` (x, z)."""
+        """Return which tiles overlap the rectangle from `low` to `high` (x, z)."""
         return np.all((self._low[..., ::2] <= high) & (self._high[..., ::2] >= low), axis=-1)
 
     def corners(self, low: Array, high: Array, chosen: NDArray[np.bool_]) -> Array:
-        """Return the corners `(8, 3)` of a box around the ground from `low` to `high` (x, z), as high as the `chosen` tiles."""
+        """Return the corners `(8, 3)` of a box over the rectangle from `low` to `high` (x, z), with the heights of the `chosen` tiles."""
         bottom = np.min(self._low[..., 1], where=chosen, initial=np.inf)
         top = np.max(self._high[..., 1], where=chosen, initial=-np.inf)
         sides = (low[0], high[0]), (bottom, top), (low[1], high[1])
         return np.array(list(product(*sides)))
 
     def indices(self, levels: Levels, chosen: NDArray[np.bool_]) -> Indices:
-        """Return the vertex indices of the triangles of the `chosen` tiles."""
+        """Return the vertex indices that make up the triangles of the `chosen` tiles."""
         x, z = levels
         wide_x, wide_z = np.pad(x, 1, mode="edge"), np.pad(z, 1, mode="edge")
         digits = [x, z, wide_z[:-2, 1:-1], wide_z[2:, 1:-1], wide_x[1:-1, :-2], wide_x[1:-1, 2:]]
@@ -241,7 +242,7 @@ class TerrainMesh:
         return np.concatenate(parts) if parts else np.zeros(0, np.uint32)
 
     def apron_indices(self, levels: Levels) -> Indices:
-        """Return the vertex indices of the strips and corners that carry the edge heights on to the ring."""
+        """Return the triangle indices of the border, which extends the edge heights to the ring."""
         sides = (np.s_[0, :], np.s_[-1, :], np.s_[:, 0], np.s_[:, -1])
         parts = []
         for side, border in enumerate(sides):

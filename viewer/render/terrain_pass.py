@@ -30,7 +30,7 @@ LAYOUTS = {  # of a vertex: what each program reads
 
 
 class TerrainPass:
-    """Draws ground, its part of the shadow map, and the shadows that lie on it."""
+    """Draws the ground, its part of the shadow map, and the shadows on it."""
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
@@ -55,7 +55,7 @@ class TerrainPass:
         self._visible: NDArray[np.bool_]
 
     def set_terrain(self, terrain: Terrain) -> None:
-        """Show another height map from the next frame on."""
+        """Use another height map from the next frame on."""
         self._terrain = terrain
         self.shadow_reach_m = SHADOW_REACH_M if self._casts and terrain.steepest > SUN_SLOPE_RATIO else 0.0
         self._mesh = None
@@ -64,7 +64,7 @@ class TerrainPass:
         self._level = start, 1.0 / min(highest, MAX_RELIEF_M)
 
     def prepare(self, frame: RenderFrame, focus: Array) -> None:
-        """Re-centre the window on `focus` (x, z) where the terrain is larger, and choose levels of detail."""
+        """Re-centre the window on `focus` (x, z) for large terrains, and choose levels of detail."""
         if self._terrain is None:
             return
         mesh = self._mesh
@@ -124,7 +124,7 @@ class TerrainPass:
         self._draw("surface", np.concatenate([tiles, mesh.apron_indices(self._levels)]))
 
     def draw_depth(self, frame: RenderFrame) -> None:
-        """Draw the ground near the characters into the shadow map that is bound."""
+        """Draw the ground near the characters into the bound shadow map."""
         if self._mesh is not None:
             near = self._mesh.touching(*frame.ground_box(self.shadow_reach_m))
             self._draw("depth", self._mesh.indices(self._levels, near))
@@ -136,7 +136,7 @@ class TerrainPass:
         shadow_map: moderngl.Texture,
         marks: list[Array],
     ) -> None:
-        """Darken the ground: the sun's shadow, and under each character by its `marks` (see `marks_of`)."""
+        """Darken the ground by the sun's shadow and the contact shadows `marks` (see `marks_of`)."""
         shadow_map.use(0)
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self._ctx.depth_func = "<="

@@ -34,7 +34,7 @@ _TRACKING = np.array([TARGET_HALF_LIFE_S, TARGET_HEIGHT_HALF_LIFE_S, TARGET_HALF
 
 @dataclass(frozen=True)
 class StageView:
-    """A place to look from: `turn` radians from the facing, and what is looked at, `height` metres over the ground (0: the body)."""
+    """A named view: `turn` radians from the character's facing, towards a point `height` metres above the ground (0: the body)."""
 
     turn: float
     pitch: float
@@ -42,7 +42,7 @@ class StageView:
     height: float = 0.0
 
 
-VIEWS = {
+VIEWS = {  # in the order of `viewer.input.bindings.VIEW_ACTIONS`; titles are in `viewer.settings`
     "front": StageView(math.pi, 0.10, 4.0),
     "side": StageView(-0.5 * math.pi, 0.10, 4.0),
     "three_quarters": StageView(math.pi - 0.65, 0.20, 4.0),
@@ -53,7 +53,7 @@ VIEWS = {
 
 @dataclass
 class CameraControl:
-    """Both cameras and which one is in use; switching keeps the view. Both go with the character."""
+    """The follow and the orbit camera, both moving with the character, and which one is in use."""
 
     mode: str = "follow"
     keyed: bool = False  # the view follows the camera keys of the take that plays, until the user moves it
@@ -68,7 +68,7 @@ class CameraControl:
         return self.follow if self.mode == "follow" else self.orbit
 
     def use(self, mode: str) -> None:
-        """Switch to "follow" or "orbit" from the same point of view."""
+        """Switch to "follow" or "orbit" without changing the view."""
         self.keyed = False
         if mode == self.mode:
             return
@@ -82,7 +82,7 @@ class CameraControl:
             new.snap(old.target)
 
     def open_at(self, pose: Pose, yaw: float, obstacles: bool) -> None:
-        """Look at the character from the front, or from behind where there are `obstacles` before it, as at a start."""
+        """Show the character from the front, or from behind if there are `obstacles` ahead, as at the start."""
         camera = self.current
         camera.target = np.array(self.target(pose))
         self._tracked = None
@@ -93,11 +93,11 @@ class CameraControl:
             camera.yaw = yaw
 
     def lose_track(self) -> None:
-        """Let the orbit camera stay, and go along from there: the character was set somewhere else."""
+        """Keep the orbit camera in place because the character was moved elsewhere."""
         self._tracked = None
 
     def view(self, view: StageView, pose: Pose) -> None:
-        """Look at the character from a named place; the orbit camera then goes with it."""
+        """Show the character from a named view; the orbit camera then moves with it."""
         self.use("orbit")
         orbit = self.orbit
         orbit.yaw = math.remainder(pose.root_yaw + view.turn, math.tau)
@@ -107,28 +107,28 @@ class CameraControl:
             orbit.target[1] = float(pose.root_position[1]) + view.height
 
     def frame_character(self, pose: Pose) -> None:
-        """Bring the whole character into the middle, from where the camera is."""
+        """Centre the whole character from the current direction."""
         camera, self.keyed = self.current, False
         camera.target, camera.distance, self._tracked = np.array(self.target(pose)), FRAME_DISTANCE_M, None
         if isinstance(camera, FollowCamera):
             camera.snap(camera.target)
 
     def frame_point(self, point: NDArray[np.floating]) -> None:
-        """Bring a point `(3,)` into the middle, close; the orbit camera then goes with the character from there."""
+        """Centre a point `(3,)` close up; the orbit camera then moves with the character."""
         self.use("orbit")
         self.orbit.target, self.orbit.distance, self._tracked = np.array(point, float), POINT_DISTANCE_M, None
 
     def come_back(self, mode: str, distance: float, pitch: float, pose: Pose) -> None:
-        """Look at the character again in a mode, from a distance (metres) and a pitch (radians), as the camera is turned."""
+        """Return to the character in a camera mode, at a distance (metres) and pitch (radians)."""
         self.use(mode)
         self.current.pitch = pitch
         self.frame_character(pose)
         self.current.distance = distance
 
     def use_mouse(self, taken: bool, navigation: str = "sport") -> bool:
-        """Orbit, pan and zoom by the mouse where no panel has it; whether it drags. `taken`: the left button is.
+        """Orbit, pan and zoom with the mouse outside the panels; return whether it is dragging.
 
-        `navigation` is one of `bindings.NAVIGATION`.
+        `taken`: the left button is in use. `navigation` is one of `bindings.NAVIGATION`.
         """
         io = imgui.get_io()
         if io.want_capture_mouse:
@@ -146,7 +146,7 @@ class CameraControl:
         return drag is not None
 
     def zoom_at(self, steps: float, x: float, y: float, width: float, height: float) -> None:
-        """Zoom by wheel steps; of the orbit camera what lies at its target's depth under the pointer stays there."""
+        """Zoom by wheel steps; the orbit camera keeps the point under the mouse at `x`, `y` in place."""
         camera = self.current
         before = camera.distance
         camera.zoom(steps)
@@ -156,7 +156,7 @@ class CameraControl:
             self.orbit.pan(dx * away, dy * away, height)
 
     def frame_in(self, framing: tuple[float, float, float], dt: float) -> None:
-        """Glide to the place (-1 left to 1 right, -1 bottom to 1 top) and the fraction of the height that panels leave free."""
+        """Shift and scale the view smoothly to the area free of panels: centre (-1 left to 1 right, -1 bottom to 1 top) and height fraction."""
         fraction = 1.0 - 0.5 ** (dt / SHIFT_HALF_LIFE_S)
         old = framing if self._framing is None else self._framing
         right, up, fit = (a + (b - a) * fraction for a, b in zip(old, framing, strict=True))
@@ -165,7 +165,7 @@ class CameraControl:
         camera.shift, camera.shift_up, camera.fit = right, up, fit
 
     def drag(self, dx: float, dy: float, pan: bool, height: float) -> None:
-        """Mouse drag in pixels: turns, or with `pan` shifts the orbit camera, which takes over, in a view of this height."""
+        """Rotate the camera by a mouse drag in pixels, or with `pan` move the orbit camera; `height` is that of the view."""
         if dx or dy:
             self.use("orbit" if pan else self.mode)
         if pan:
@@ -182,7 +182,7 @@ class CameraControl:
         terrain: Terrain,
         moving: bool,
     ) -> None:
-        """Advance by `dt` seconds towards the pose."""
+        """Advance the camera by `dt` seconds towards the pose."""
         self.current.zoom(zoom_steps)
         if self.mode == "orbit":
             self._track(np.array(self.target(pose)), dt)
@@ -206,7 +206,7 @@ class CameraControl:
 
     @staticmethod
     def target(pose: Pose) -> tuple[float, float, float]:
-        """Return what the camera looks at: between the feet and the chest."""
+        """Return the camera's target on a pose: between the feet and the chest."""
         ground, hips = float(pose.root_position[1]), float(pose.hips_position[1])
         height = ground + max(hips - ground, 0.4) * 2 * CHEST_HEIGHT_FRACTION * 0.85
         return float(pose.hips_position[0]), height, float(pose.hips_position[2])
@@ -222,7 +222,7 @@ def _drag_of(table: Mapping[tuple[str, str], Drag], taken: bool) -> Drag | None:
 
 
 def start_yaw(terrain: Terrain) -> float:
-    """Return where a character at the origin looks, in radians: along +Z, or where the first obstacles are if none are there."""
+    """Return the yaw (radians) in which a character starts at the origin: +Z, or the direction with most obstacles if +Z has none."""
     yaws = math.tau * np.arange(DIRECTIONS) / DIRECTIONS
     along = np.arange(NEAR_M, FAR_M, STEP_M)
     heights = terrain.height(np.outer(np.sin(yaws), along), np.outer(np.cos(yaws), along))

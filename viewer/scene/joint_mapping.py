@@ -26,7 +26,7 @@ from viewer.messages import Messages
 
 @dataclass
 class JointMapping:
-    """The joints window; `chosen` are SPORT joints -> joints of the file, "" for none of them. `load` shows a character."""
+    """The window for mapping joints by hand; `chosen` maps SPORT joints to joints of the file, "" for none. `load` loads a character."""
 
     messages: Messages
     jobs: Jobs
@@ -39,26 +39,26 @@ class JointMapping:
     problem: str = ""  # why it could not be applied
 
     def guessed(self, joint: str) -> str:
-        """Return the joint of the file that names or rest pose tell, "" for none."""
+        """Return the file's joint guessed for a SPORT joint, or ""."""
         found = {} if self.guess is None else self.guess.found
         return self.guess.names[found[joint]] if self.guess is not None and joint in found else ""
 
     def plays(self, joint: str) -> str:
-        """Return the joint of the file that plays a SPORT joint, "" for none."""
+        """Return the file's joint in use for a SPORT joint, or ""."""
         return self.chosen.get(joint, self.guessed(joint))
 
     @property
     def missing(self) -> list[str]:
-        """SPORT joints without which nothing can be driven."""
+        """Required SPORT joints without a joint of the file."""
         return [joint for joint in NEEDED if not self.plays(joint)]
 
     @property
     def shown(self) -> Path | None:
-        """The file whose joints are in the window, None while it is closed."""
+        """The file whose joints are shown, or None while the window is closed."""
         return self.path if self.open else None
 
     def begin(self, path: Path) -> None:
-        """Open the window with what is found in a character file."""
+        """Open the window for a character file."""
         self.jobs.submit(
             Slot("joints", path),
             lambda: (joints_of(path, {}), saved_joint_map(path)),
@@ -74,9 +74,9 @@ class JointMapping:
             self.problem = f"{lost} names of {joint_map_path(path).name} are not in the skeleton."
 
     def choose(self, joint: str, name: str | None) -> None:
-        """Let a joint of the file play a SPORT joint: "" for none, None for what is guessed.
+        """Map a SPORT joint to a joint of the file: "" for none, None for the guess.
 
-        It can play one only: another SPORT joint that had it has none.
+        Each joint of the file has one SPORT joint: another one that had it is left without.
         """
         chosen = {key: value for key, value in self.chosen.items() if key != joint}
         name = self.guessed(joint) if name is None else name
@@ -90,7 +90,7 @@ class JointMapping:
         self.chosen, self.problem = {}, ""
 
     def apply(self) -> None:
-        """Keep the map in the file's folder and show the character by it."""
+        """Save the map next to the file and reload the character with it."""
         if self.path is None or self.missing:
             return
         path, chosen = self.path, dict(self.chosen)
@@ -109,11 +109,11 @@ class JointMapping:
         self.jobs.submit(Slot("joints", path), keep, kept, self.refused, writing=f"the joints of {path.name}")
 
     def refused(self, error: Exception) -> None:
-        """Say why the character could not be shown by what was chosen, or that not be kept."""
+        """Show why the map could not be used or saved."""
         self.problem = str(error)
 
     def close(self) -> None:
-        """Leave the window; what was not applied is forgotten."""
+        """Close the window without applying changes."""
         self.open = False
 
 

@@ -47,7 +47,7 @@ SLOW_FPS, SLOW_SECONDS = 20.0, 5.0  # fewer frames a second for so long, and aut
 
 @dataclass
 class Scene:
-    """Actions of the scene panel, and what the session says of ground and character put into force."""
+    """The scene: ground, character, model, camera and quality, kept in line with the session."""
 
     editor: Editor
     settings: Settings
@@ -98,18 +98,18 @@ class Scene:
 
     @property
     def ground(self) -> Ground:
-        """The live ground, as large as the character sees it."""
+        """The live ground at the character's scale."""
         if self._seen is None or self._seen.terrain is not self.terrain:
             self._seen = Ground.of(self.terrain_spec, self.terrain)
         return self._seen
 
     @property
     def now(self) -> float:
-        """Seconds on the clock of live pins."""
+        """The time (seconds) at which live pins are in force, from the start of the program."""
         return self.inputs.next_frame / FPS
 
     def bend(self, pose: Pose, now: float) -> Pose:
-        """Return the live pose with the pins that hold at a time; the same object where none does."""
+        """Return the live pose with the pins in force; the same object if there are none."""
         pins = weights_at(self.editor.session.live.poses.pins, now)
         if not pins:
             return pose
@@ -117,7 +117,7 @@ class Scene:
         return make_pose(hips, local, contacts, float(pose.root_position[1]), pose.root_yaw)
 
     def follow(self, before: Session, now: Session) -> None:
-        """Put into force what the session says of ground and character, and remember it for the next start."""
+        """Apply the session's ground and character, and remember them for the next start."""
         if now.ground is not None and now.ground != before.ground:
             self._put_ground(now.ground)
             self._remember_ground()
@@ -133,7 +133,7 @@ class Scene:
 
     @property
     def grounds(self) -> list[str]:
-        """What can be walked on: the ready grounds, and those of files that this session has shown."""
+        """The available grounds: the shipped ones, and files that this session has used."""
         return list(dict.fromkeys([*self.terrain_names, *filter(None, self._specs())]))
 
     def _remember_ground(self) -> None:
@@ -163,12 +163,12 @@ class Scene:
         setattr(self.settings, name, not getattr(self.settings, name))
 
     def use_camera(self, mode: str) -> None:
-        """Follow or orbit, now and at the next start."""
+        """Use the follow or orbit camera, now and at the next start."""
         self.camera.use(mode)
         self.settings.camera = mode
 
     def begin(self, camera: str, live_link: str | None, vmc: str | None) -> None:
-        """Show the first ground by a camera (follow, orbit, or a view), and send poses to addresses; UsageError."""
+        """Show the first ground with a camera (follow, orbit, or a view), and start the live links. Raises UsageError."""
         self.terrain_names = self.services.terrain_names()
         self._first_view = camera if camera in VIEWS else ""
         self.camera.use("orbit" if self._first_view else camera)
@@ -177,7 +177,7 @@ class Scene:
         self.vmc.begin(vmc)
 
     def view(self, name: str) -> None:
-        """Look at the character from a place of `VIEWS`."""
+        """Show the character from a view of `VIEWS`."""
         self.camera.view(VIEWS[name], self.shown())
         self.settings.camera = self.camera.mode
 
@@ -185,7 +185,7 @@ class Scene:
         self.camera.frame_character(self.shown())
 
     def advance(self, seconds: float, controls: Controls) -> list[Pose]:
-        """Let time pass for the character; the new poses, without what pins do to them."""
+        """Advance the character by `seconds`; return the new poses, before pins."""
         self._keep_size()
         simulation = self.simulation
         if simulation.controller is not None:
@@ -210,7 +210,7 @@ class Scene:
         return poses
 
     def reset_character(self) -> None:
-        """Put the character back to the start; it and the camera look at what there is to walk over."""
+        """Return the character to the start, with character and camera facing the first obstacles."""
         yaw = start_yaw(self.terrain)
         self.put_character(0.0, 0.0, yaw)
         self.camera.open_at(self.simulation.current, yaw, self.terrain.steepest > MEADOW_SLOPE_RATIO)
@@ -218,7 +218,7 @@ class Scene:
             self.camera.view(VIEWS[self._first_view], self.simulation.current)
 
     def put_character(self, x: float, z: float, yaw: float) -> None:
-        """Let the character stand at a place (metres, radians); the camera stays where it is put."""
+        """Place the character at a position (metres, radians); the camera stays."""
         if self.controller is not None:
             self.inputs.mark_restart(x, z, yaw)
             self.simulation.reset(x, z, yaw)
@@ -229,7 +229,7 @@ class Scene:
     # --- loading
 
     def load_terrain(self, name: str | Path) -> None:
-        """Show and walk on a terrain, by name or file; the old one stays until the new one is there."""
+        """Load a terrain by name or file and use it; the old one stays until then."""
         spec = str(Path(name).expanduser()) if str(name).startswith("~") else str(name)
         self.loading = spec
         self.jobs.submit(
@@ -238,13 +238,13 @@ class Scene:
         )  # fmt: skip
 
     def read_ground(self, spec: str) -> Terrain:
-        """Return a ground by name or file, on any thread; TerrainError, FileError."""
+        """Load a ground by name or file; thread-safe. Raises TerrainError, FileError."""
         return self.services.load_terrain(
             spec, self.settings.height_map_cell_m, self.settings.height_map_height_m
         )
 
     def draw_ground(self, terrain: Terrain) -> None:
-        """Draw a ground, that of a take while it plays; the one under the character stays what it is."""
+        """Draw a ground, such as that of the playing take; the live character's ground stays."""
         if terrain is not self._drawn:
             self.renderer.set_terrain(terrain)
             self._drawn = terrain
@@ -272,7 +272,7 @@ class Scene:
 
     @property
     def size(self) -> float:
-        """Metres of a metre of the scene: it is drawn and walked in the lengths of the character's own size."""
+        """Metres per unit of the scene, which uses the scale of the character's own size."""
         fitted = self.settings.fit_to_motion or self._character is None
         return 1.0 if fitted else float(getattr(self._character, "size", 1.0))
 
@@ -287,7 +287,7 @@ class Scene:
         self.put_character(x * by, z * by, pose.root_yaw)
 
     def go_on_from(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Let the live character go on from a state of a take; the session has the take's ground already."""
+        """Continue with the live character from a state of a take; the session has the take's ground already."""
         if self.controller is None:
             return
         snapshot.restore(self.controller)
@@ -297,9 +297,9 @@ class Scene:
     # --- characters
 
     def open_character(self, path: Path | None, joint_map: Path | None = None, step: bool = True) -> None:
-        """Show the character of a file, or the mannequin for None: a step of undo unless it is the first one.
+        """Load the character of a file, or the mannequin for None; `step`: as a step of undo.
 
-        `joint_map` replaces the one in the file's folder. The session keeps the file's content.
+        `joint_map` replaces the one in the file's folder. The session stores the file's content.
         """
 
         def take(loaded: LoadedCharacter) -> None:
@@ -322,7 +322,7 @@ class Scene:
         )
 
     def read_character(self, path: Path | None, joint_map: Path | None = None) -> LoadedCharacter:
-        """Return the character of a file, whose content is kept for the session; on any thread, FileError."""
+        """Load the character of a file together with the content to store in the session; thread-safe. Raises FileError."""
         character = self.services.load_character(path, joint_map, "")
         if path is None:
             return CharacterChoice(), None, character
@@ -335,7 +335,7 @@ class Scene:
         return choice, path, character
 
     def read_choice(self, choice: CharacterChoice) -> LoadedCharacter:
-        """Return a character of the session; on any thread, FileError."""
+        """Load a character of the session; thread-safe. Raises FileError."""
         path = self.editor.file.character_path(choice)
         if choice.shape != BodyShape():
             path = shaped_file(choice.shape, self.folder / "shapes")
@@ -350,13 +350,13 @@ class Scene:
         )  # fmt: skip
 
     def set_shape(self, shape: BodyShape, held: bool = False) -> None:
-        """Give the mannequin another shape; `held`: while the mouse drags a slider, after which it is made."""
+        """Change the mannequin's shape; `held` during a drag, after which it is built."""
         change = self.editor.drag if held else self.editor.do
         change("shape of the mannequin", partial(replace, character=CharacterChoice(shape)))
 
     @property
     def character_name(self) -> str:
-        """Which of the shipped characters is in use, the mannequin in any shape; "" for that of another file."""
+        """Name of the shipped character in use, or "" for a file."""
         choice = self.editor.session.character
         if not choice.key:
             return MANNEQUIN
@@ -391,7 +391,7 @@ class Scene:
         done: Callable[[Loaded], None],
         failed: Callable[[], None],
     ) -> None:
-        """Load the networks, whose prompts `gpt` answers; the character stands until they are there."""
+        """Load a model, with `gpt` to answer prompts; the first character stands still until then."""
 
         def take(loaded: Loaded) -> None:
             self.use_model(loaded)
@@ -408,7 +408,7 @@ class Scene:
         )
 
     def use_model(self, loaded: Loaded) -> None:
-        """Let another model move the character."""
+        """Use a loaded model for the character."""
         loaded.controller.set_terrain(self.terrain)  # it may have changed while the model was loading
         first = self.controller is None
         self.simulation.use(loaded.controller)
@@ -422,18 +422,18 @@ class Scene:
         self.editor.amend(partial(replace, model=model))
 
     def set_quality(self, name: str) -> None:
-        """Render with another preset, "" for the one that fits this machine."""
+        """Use another quality preset; "" for the one suited to this machine."""
         self._render_with(name)
         self.settings.quality = name
 
     def set_look(self, look: str) -> None:
-        """Colour the character otherwise."""
+        """Change the look of the character."""
         self.settings.look = look
         if self._character is not None:
             self.renderer.set_character(dressed(self._character, look))
 
     def lower_quality(self, fps: float, dt: float) -> None:
-        """Go to the fast preset where none was chosen and the processor shows too few frames a second for some time."""
+        """Switch to the fast preset if the frame rate stays too low on a CPU renderer and the user chose no preset."""
         slow = not self.settings.quality and self.renderer.quality.name == "software" and 0.0 < fps < SLOW_FPS
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:

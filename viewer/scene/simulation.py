@@ -38,7 +38,7 @@ _LOG = logging.getLogger("sport.viewer")
 
 
 def rest_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
-    """Return the skeleton standing with lowered arms at x, z, facing `yaw`: shown until a model is loaded."""
+    """Return the skeleton standing with lowered arms at x, z, facing `yaw`, shown until a model is loaded."""
     local = rotations.identity((len(SPORT_SKELETON),))
     forward = np.array([0.0, 0.0, 1.0])
     for name, angle in (("LeftArm", -1.25), ("RightArm", 1.25)):
@@ -72,7 +72,10 @@ def interpolate(a: Pose, b: Pose, t: float) -> Pose:
 
 
 def steps_of(due_s: float, frame_s: float, step_ms: float) -> tuple[int, float]:
-    """Return the steps of the time that is due in a frame of `frame_s`, when each takes `step_ms`; and what is left of that time."""
+    """Return how many steps of the due time to simulate in this frame, and how much of that time (seconds) is left.
+
+    `step_ms` is the cost of a step; a frame takes no more of them than it can afford.
+    """
     steps = int(due_s / STEP_SECONDS + 1e-6)
     left_s = min(max(due_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
     affordable = int(MODEL_TIME_FRACTION * frame_s * 1e3 / max(step_ms, 1e-3))
@@ -81,7 +84,7 @@ def steps_of(due_s: float, frame_s: float, step_ms: float) -> tuple[int, float]:
 
 @dataclass
 class Simulation:
-    """Steps a controller and keeps the last two good poses."""
+    """Steps a controller and keeps the last two valid poses."""
 
     previous: Pose
     current: Pose
@@ -93,38 +96,38 @@ class Simulation:
 
     @staticmethod
     def standing(terrain: Terrain, yaw: float = 0.0) -> Simulation:
-        """Return a simulation without a controller: the character stands."""
+        """Return a simulation without a controller, with a standing character."""
         pose = rest_pose(terrain, yaw=yaw)
         return Simulation(pose, pose)
 
     @property
     def halted(self) -> bool:
-        """Whether the model failed so often that it is no longer called."""
+        """Whether the model has failed too often to be called again."""
         return self._failures >= MAX_FAILURES
 
     @property
     def blocked(self) -> str | None:
-        """Why the character does not go on, as the status line says it."""
+        """The reason why the character is blocked, for the status line, or None."""
         return None if self.controller is None else self.controller.blocked
 
     @property
     def keyed(self) -> str:
-        """What the character does by keys in place of the network, as the status line says it; "" for nothing."""
+        """Status text of the keyframed traversal in progress, or ""."""
         return "" if self.controller is None else TRAVERSALS.get(self.controller.traversal, "")
 
     def use(self, controller: Controller) -> None:
-        """Take another controller; it starts where the character stands."""
+        """Use another controller, starting where the character stands."""
         self.controller = controller
         x, _, z = map(float, self.current.root_position)
         self.reset(x, z, self.current.root_yaw)
 
     def go_on_from(self, pose: Pose) -> None:
-        """Show the pose of another state that the controller was put into; failures are forgotten."""
+        """Continue from the pose of a state restored into the controller; failures are forgotten."""
         self._failures, self._left_s, self.problem = 0, 0.0, ""
         self.previous = self.current = pose
 
     def reset(self, x: float, z: float, yaw: float) -> None:
-        """Stand at a place and forget failures."""
+        """Place the character standing and forget failures."""
         self._failures, self._left_s, self.problem = 0, 0.0, ""
         if self.controller is not None:
             self.controller.reset(x, z, yaw)
@@ -132,7 +135,7 @@ class Simulation:
             self.previous = self.current
 
     def advance(self, seconds: float, controls: Controls) -> list[Pose]:
-        """Return the new poses of this much time, at most `MAX_STEPS`; time beyond that is dropped."""
+        """Simulate this much time and return the new poses; at most `MAX_STEPS`, dropping the rest."""
         self.problem = ""
         if self.controller is None or self.halted:
             self.previous = self.current
@@ -141,7 +144,7 @@ class Simulation:
         return [pose for _ in range(steps) if (pose := self._step(controls)) is not None]
 
     def shown(self) -> Pose:
-        """Return the pose for the display, between the last two steps."""
+        """Return the pose for the display, interpolated between the last two steps."""
         return interpolate(self.previous, self.current, self._left_s / STEP_SECONDS)
 
     def _step(self, controls: Controls) -> Pose | None:
@@ -166,7 +169,7 @@ class Simulation:
         return pose
 
     def add_cost(self, ms: float) -> None:
-        """Take what a step of the model cost, in milliseconds."""
+        """Update the average cost of a model step, in milliseconds."""
         before_ms, fraction = self.model_ms or ms, 1.0 - 0.5 ** (1.0 / COST_HALF_LIFE_STEPS)
         self.model_ms = before_ms + (ms - before_ms) * fraction
 

@@ -22,7 +22,7 @@ SLOT = Slot("opening of a take")
 
 @dataclass(frozen=True)
 class Opened:
-    """A take from a file, a sentence about it, and why its ground cannot be shown."""
+    """A take opened from a file, a sentence about it, and why its ground cannot be shown."""
 
     take: Take
     text: str
@@ -31,9 +31,9 @@ class Opened:
 
 
 def read_take(path: Path, load_ground: Callable[[str], Terrain] | None, animation: str = "") -> Opened:
-    """Return the take of a file, of several animations the one of a name; on any thread, FileError.
+    """Read the take of a file, choosing an animation by name; thread-safe. Raises FileError.
 
-    It plays on the ground that its file names, where `load_ground` finds that; one of another skeleton else on flat ground.
+    It gets the ground named in its file if `load_ground` finds it; a retargeted motion without one gets flat ground.
     """
     from runtime.formats.ground import ground_spec, names_ground
     from runtime.formats.prepare import on_its_ground, placement_of, with_contacts
@@ -66,7 +66,7 @@ def open_file(takes: Takes, path: Path, keep_ground: bool = False, animation: st
 
 
 def open_reference(takes: Takes, path: Path, animation: str = "") -> None:
-    """Add the motion of a file to the list and compare the take that plays with it; play it where none does."""
+    """Add the motion of a file to the list as reference of the playing take, or play it if none plays."""
 
     def show(number: int) -> None:
         if takes.playback is None:

@@ -18,7 +18,7 @@ MAX_RATE = 8
 
 @dataclass
 class Playback:
-    """One take at a time `time_s`, between the frames `first` and `last` that its trim keeps."""
+    """A take being played: `time_s`, and the frames `first` to `last` of its trim."""
 
     take: Take  # as the session has it
     clip: Clip  # its frames, of which a pin that is dragged may be newer
@@ -40,7 +40,7 @@ class Playback:
         self.time_s = max(self.time_s, self.start_s)
 
     def use(self, take: Take) -> None:
-        """Use the take after an edit, whose frames may still be those before it."""
+        """Use an edited take, even before its new frames are computed."""
         self.take, end = take, self.frames - 1
         self.first, self.last = (min(frame, end) for frame in take.range)
 
@@ -50,7 +50,7 @@ class Playback:
 
     @property
     def number_shown(self) -> int:
-        """The number of the frame shown, as the timeline counts them."""
+        """The number of the shown frame, as the timeline counts."""
         return self.frame - self.take.numbered_from
 
     @property
@@ -70,7 +70,7 @@ class Playback:
         return self.last / self.clip.fps
 
     def advance(self, seconds: float) -> None:
-        """Let time pass; at the end, or backwards at the start, begin again, or stop."""
+        """Advance the playhead; at an end, loop or stop."""
         if not self.playing:
             return
         outside = self.time_s < self.start_s  # a frame was sought before what the trim keeps
@@ -86,13 +86,13 @@ class Playback:
             self.time_s, self.playing = (self.end_s if over > 0.0 else self.start_s), False
 
     def shuttle(self, direction: int) -> None:
-        """Play on (1) or backwards (-1), faster each time; 0 stops."""
+        """Play forwards (1) or backwards (-1), faster with each call; 0 stops."""
         again = self.playing and self.rate * direction > 0
         self.rate = min(abs(self.rate) * 2, MAX_RATE) * direction if again else direction or 1
         self.playing = direction != 0
 
     def toggle(self) -> None:
-        """Play or pause; playing at the end begins again."""
+        """Play or pause; at the end, playing starts over."""
         self.rate = 1
         if not self.playing and self.time_s >= self.end_s - 1e-6:
             self.time_s = self.start_s
@@ -103,14 +103,14 @@ class Playback:
         self.time_s = min(max(frame, 0), self.frames - 1) / self.clip.fps
 
     def step(self, frames: int) -> None:
-        """Go so many frames on, or back, and pause; at an end, on from the other when the take loops."""
+        """Move by frames and pause; a looping take wraps around."""
         wanted = self.frame + frames
         if self.loop and not 0 <= wanted < self.frames:
             wanted %= self.frames
         self.seek(wanted)
 
     def show(self, take: Take, clip: Clip, inputs: InputRecording | None) -> None:
-        """Show the frames of the take after an edit, at the same time."""
+        """Show the recomputed frames of an edited take, at the same time."""
         self.shown, self.clip, self.inputs = take, clip, inputs
         self.use(take)
         self.time_s = min(self.time_s, (self.frames - 1) / clip.fps)

@@ -56,7 +56,7 @@ PLACES = {
 
 
 def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
-    """Return the file of a session that has no name yet, and why it is not in `folder`; "" where it is."""
+    """Create the file of an untitled session; also return why it is not in `folder`, or ""."""
     path = library.new_path(folder)
     try:
         with removed_when_ended(path, *side_files(path), lock_of(path)):
@@ -93,7 +93,7 @@ class Sessions:
 
     @property
     def path(self) -> Path | None:
-        """The file that the user named; None for an untitled session."""
+        """The file named by the user, or None for an untitled session."""
         path = self.editor.file.path
         return None if self._is_untitled(path) else path
 
@@ -109,17 +109,17 @@ class Sessions:
 
     @property
     def recent(self) -> list[Path]:
-        """Named sessions that were open last, newest first."""
+        """Recently opened named sessions, newest first."""
         return [Path(text) for text in self.settings.recent_sessions[:MAX_RECENT_SESSIONS]]
 
     @property
     def cut_off(self) -> SessionSummary | None:
-        """The newest untitled session with takes or recordings, when it was cut off."""
+        """The newest untitled session with takes or recordings if it was cut off, else None."""
         newest = next((summary for summary in self.earlier if summary.has_motions), None)
         return None if newest is None or newest.ended else newest
 
     def find_cut_off(self) -> SessionSummary | None:
-        """Return the session that was open last, untitled or the user's own file, where it was cut off."""
+        """Return the last open session, untitled or named, if it was cut off."""
         named = library.look_at(self.recent[0]) if self.recent else None
         # what the file says is written with the view, and may be older
         named = named and replace(named, name=named.path.stem)
@@ -129,7 +129,7 @@ class Sessions:
     # --- actions
 
     def new(self) -> None:
-        """Begin an empty session on the same ground with the same character; the one before stays in its file."""
+        """Start an empty session with the same ground and character; the old one stays in its file."""
         before = self.editor.session
         file, problem = first_file(self.untitled_folder, self.folder / "characters")
         history = History()
@@ -145,7 +145,7 @@ class Sessions:
         self.dialogs.ask(DialogKind.OPEN, "Open a session", self._home(), self.open, FILTERS)
 
     def open(self, path: Path) -> None:
-        """Open a session; the one that is open stays until the other is read."""
+        """Open a session; the current one stays until it is loaded."""
         path = path.expanduser()
         if os.path.realpath(path) == str(self.editor.file.path):
             self.messages.note(f"{path.name} is open already.")
@@ -176,7 +176,7 @@ class Sessions:
         (self.messages.warn if wrong else self.messages.note)(" ".join(dict.fromkeys([text, *wrong])))
 
     def open_last(self) -> None:
-        """Open what was open last, with or without a name."""
+        """Open the most recent session, named or not."""
         times = {path: path.stat().st_mtime if path.exists() else 0.0 for path in self.recent[:1]}
         times |= {summary.path: summary.saved_s for summary in self.earlier[:1]}
         if times:
@@ -185,7 +185,7 @@ class Sessions:
             self.messages.warn("No session was saved or opened before.")
 
     def save(self) -> None:
-        """Give an untitled session a name; a named one is saved as one works."""
+        """Save the session: ask for a name if it is untitled; a named one is saved continuously."""
         if self.path is None:
             self.ask_save()
         elif self.editor.file.flush(1.0):
@@ -203,7 +203,7 @@ class Sessions:
         self.dialogs.ask(DialogKind.SAVE, "Save a copy", start, self.save_copy, FILTERS)
 
     def save_as(self, path: Path) -> None:
-        """Go on in a file of this name."""
+        """Continue in a file of this name."""
         path, untitled = _with_suffix(path), self.path is None
         file, before = self.editor.file, self.editor.file.path
         self._write_view()
@@ -217,7 +217,7 @@ class Sessions:
         self.jobs.submit(OPENING, lambda: file.save_as(path), done, writing=f"the session {path.name}")
 
     def save_copy(self, path: Path) -> None:
-        """Write a copy, and go on in the file that is open."""
+        """Write a copy, and continue in the current file."""
         path, file = _with_suffix(path), self.editor.file
         self._write_view()
         self.jobs.submit(
@@ -228,19 +228,19 @@ class Sessions:
         )
 
     def revert(self) -> None:
-        """Go back to what the session was when it was opened; a step of undo."""
+        """Restore the session as it was when opened, as a step of undo."""
         self.editor.end_running()
         opened = self.editor.opened
         if not self.editor.do("revert to when it was opened", lambda _: opened):
             self.messages.note("Nothing was changed since it was opened.")
 
     def find_lost(self) -> None:
-        """Look for motions of the file that no step of the history names any more."""
+        """Search the file for motions that no step of the history uses."""
         file = self.editor.file
         self.jobs.submit(LOST, lambda: file.lost_takes, lambda found: setattr(self, "lost", found))
 
     def recover(self, *lost: LostTake) -> None:
-        """Put lost takes with their edits into the list again."""
+        """Add lost takes with their edits to the list again."""
         file, what = self.editor.file, lost[0].name if len(lost) == 1 else count_takes(len(lost))
 
         def found(takes: list[Take]) -> None:
@@ -251,7 +251,7 @@ class Sessions:
         self.jobs.submit(LOST, lambda: file.found_takes(lost), found, reading=what)
 
     def discard(self, summary: SessionSummary) -> None:
-        """Remove an untitled session of another run for good."""
+        """Delete an untitled session of another run for good."""
         library.remove(summary.path)
         self.earlier = [one for one in self.earlier if one is not summary]
         self.messages.note(f"Discarded: {describe(summary)}.")
@@ -354,7 +354,7 @@ class Sessions:
     # --- while it is open
 
     def begin(self, session: str | None, looking: bool) -> None:
-        """Find the sessions of other runs, and open the one of the command line; "last" is the one open last."""
+        """List the sessions of other runs and open the one of the command line; "last" is the most recent."""
         if looking:
             self.look()
             if self.cut_off is not None:
@@ -365,11 +365,11 @@ class Sessions:
             self.open(Path(session))
 
     def look(self) -> None:
-        """Find the untitled sessions of other runs that hold work; of too many the least go."""
+        """List the untitled sessions of other runs that contain work; beyond a limit, the least valuable are deleted."""
         self.earlier = library.keep_newest(self.untitled_folder, KEPT_SESSIONS)
 
     def poll(self) -> None:
-        """Write the view now and then, and say when the file cannot be written; call once a frame."""
+        """Store the view from time to time, and report write problems; call once per frame."""
         self.dialogs.poll()
         problem = self.editor.file.problem
         if problem and (problem != self._said or self.messages.current is None):
@@ -383,14 +383,14 @@ class Sessions:
             self._viewed_s = time.monotonic()
 
     def keep(self) -> None:
-        """Write all that was done so far, whatever happens next."""
+        """Write all changes now."""
         self.editor.finish_drag()
         self.editor.file.flush(MENTION_AFTER_S)
 
     def finish(self, keep: bool, until: float, ended: bool = True) -> None:
-        """Write what is left until a time of `time.monotonic`, at which the program ends; the rest is for the next start.
+        """Write what is left, until a time of `time.monotonic`; the rest is kept for the next start.
 
-        Not `ended` as planned, that start offers the session.
+        If not `ended` normally, the next start offers the session.
         """
         self.editor.end_running()
         self.editor.finish_drag()
@@ -410,7 +410,7 @@ class Sessions:
             self.messages.error(f"The session is in {file.path}.")
 
     def note_unfinished(self) -> None:
-        """Say what the end of the program cuts short, now and when the session is opened again."""
+        """Report work that the program's end interrupts, now and when the session is opened again."""
         if self.jobs.busy(RESIMULATION):
             text = f"The {RESIMULATION.what} was not finished when the program ended: do that edit again."
             self.editor.file.set_meta(UNFINISHED, text)

@@ -9,12 +9,12 @@ from viewer.gui.widgets import clock
 
 
 def describe(summary: SessionSummary) -> str:
-    """Return name, takes, length and time in a few words."""
+    """Return the session's name, takes, length and time in a few words."""
     return f"{summary.name}, {_contents(summary)}, {time_text(summary.saved_s)}"
 
 
 def time_text(since_1970_s: float) -> str:
-    """Return day, month, hour and minute of a time."""
+    """Return a time (seconds since 1970) as day, month, hour and minute."""
     try:
         return time.strftime("%d %b %H:%M", time.localtime(since_1970_s))
     except (OverflowError, ValueError, OSError):  # of a clock that was far off

@@ -91,7 +91,7 @@ class Takes:
         return None if self.playback is None else self.playback.take
 
     def follow(self, before: Session, now: Session) -> None:
-        """Show what became of the take that plays; leave it when it is gone, or another ground was chosen to walk on."""
+        """Update the playing take after an edit; stop playback if the take is gone or the ground was changed."""
         if before.ground is not None and now.ground != before.ground:
             self.close_playback()  # it would float over that
         if self.playback is not None:
@@ -127,12 +127,12 @@ class Takes:
     # --- recording
 
     def before_steps(self) -> None:
-        """Keep the controller's state when it is time; call once a frame before it is simulated."""
+        """Store the controller's state if a keyframe is due; call once per frame before simulating."""
         if self.scene.controller is not None:
             self.inputs.before_steps(self.scene.controller)
 
     def mark_style(self, blend: PromptBlend, seconds: float, holds: bool = False) -> None:
-        """Record that a prompt is in force from the next frame on, or `holds` already in the controller's state."""
+        """Record that a prompt is in force from the next frame on; `holds`: the controller has the style already."""
         z = blend.style(self.settings.exact_legs)
         event = PromptEvent(0.0, blend.prompt_text, seconds, blend.spelled_out(), blend.typed())
         self.recorder.mark_prompt(event.prompt, seconds, event.words, event.typed)
@@ -140,13 +140,13 @@ class Takes:
             self.inputs.mark_style(StyleChange(0, z, seconds, event, blend), holds)
 
     def mark_style_in_force(self, style: StyleChange) -> None:
-        """Record that a style of a take holds in the live controller already."""
+        """Record the style of a take that the live controller has already."""
         event = style.event
         self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
         self.inputs.mark_style(style, holds=True)
 
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
-        """Remember simulated poses, without their pins, and what was requested; call once a frame."""
+        """Record simulated poses, before pins, and their input; call once per frame."""
         for pose in poses:
             self.recorder.add(pose, gait_of(controls))
             if self.scene.controller is not None:
@@ -170,7 +170,7 @@ class Takes:
         self._written = self.recorder.next_frame
 
     def memory(self, seconds: float) -> Playback | None:
-        """Return the last seconds of the live character as a take at its last frame; None before there are any."""
+        """Return the last seconds of the live character as a take paused at its end; None if there are none."""
         if not self.recorder.seconds:
             return None
         clip = self.recorder.last(seconds)
@@ -185,7 +185,7 @@ class Takes:
         return self.recorder.recording
 
     def toggle_recording(self) -> None:
-        """Start a take, or stop it and put it into the list."""
+        """Start recording, or stop it and add the take to the list."""
         if not self.recorder.recording:
             self.close_playback()
             self.recorder.start()
@@ -220,7 +220,7 @@ class Takes:
             self.toggle_recording()
 
     def save_last(self) -> None:
-        """Put the last seconds into the list, recording or not."""
+        """Add the last seconds to the list as a take, also while recording."""
         seconds = self.settings.keep_seconds
         self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about), None)
 
@@ -256,25 +256,25 @@ class Takes:
     # --- the list
 
     def select(self, number: int) -> None:
-        """Make a take the current one; while another one plays, this one does."""
+        """Select a take; if another one is playing, play this one."""
         self.editor.amend(lambda session: edits.selected(session, number))
 
     def remove(self, number: int) -> None:
-        """Take a take out of the list; files stay."""
+        """Remove a take from the list; exported files stay."""
         take = self.session.take(number)
         if take is not None and number != LIVE:
             self.editor.do(f"removal of {take.title}", lambda session: edits.without_take(session, number))
             self.messages.note(f"{take.title} removed from the list. Ctrl+Z brings it back.")
 
     def begin_rename(self, number: int, noting: bool = False) -> None:
-        """Let the name of a take, or its note, be typed in its row."""
+        """Start editing the name or note of a take in its row."""
         take = self.session.take(number)
         if take is not None:
             self.renaming, self.noting, self.naming_begins = number, noting, True
             self.new_name = take.note if noting else take.title
 
     def rename(self, number: int, name: str) -> None:
-        """Give a take another name; files that hold it keep theirs. An empty name brings the first one back."""
+        """Rename a take; exported files keep their names. An empty name restores the original."""
         take = self.session.take(number)
         if take is None:
             return
@@ -284,7 +284,7 @@ class Takes:
             self.messages.note(f"Renamed: {'' if renamed is None else renamed.title}.")
 
     def mirror(self, number: int) -> None:
-        """Put the mirror image of a take into the list, and play it."""
+        """Add the mirror image of a take to the list and play it."""
         take = self.session.take(number)
         if take is None:
             return
@@ -295,7 +295,7 @@ class Takes:
             self.messages.note(f"The mirror image of {take.title} is in the list.{over}")
 
     def trim(self, first: int | None = None, last: int | None = None, held: bool = False) -> None:
-        """Keep the take that plays from a frame, or up to one; `held`: while the mouse drags a handle."""
+        """Trim the playing take to start or end at a frame; `held` during a drag."""
         take = self.played
         if take is None:
             return
@@ -313,7 +313,7 @@ class Takes:
 
     @property
     def found(self) -> list[Take]:
-        """The takes that have every word of the search, in the order of the settings. *** finds three stars and more."""
+        """The takes that match every word of the search, in the chosen order; "***" finds three or more stars."""
         words, order = self.search.lower().split() if self.searchable else [], self.settings.takes_order
         found = [take for take in self.session.takes if all(word in _words(take) for word in words)]
         if self.searchable and order:
@@ -321,7 +321,7 @@ class Takes:
         return found
 
     def versions(self, number: int) -> list[tuple[str, Take]]:
-        """Return what a take was in the history: the take with each of its motions, and the edit that made it, oldest first."""
+        """Return earlier versions of a take from the history, oldest first, each with the label of its edit."""
         found: list[tuple[str, Take]] = []
         for step in self.editor.history.steps:
             take = step.session.take(number)
@@ -330,7 +330,7 @@ class Takes:
         return found
 
     def go_back_to(self, version: Take) -> None:
-        """Give a take the motion of an earlier version again, and what was drawn for it."""
+        """Restore the motion and path of a take's earlier version."""
         change = partial(edits.resimulated, number=version.number, motion=version.made)
         self.editor.do(
             f"version of {version.title}",
@@ -338,7 +338,7 @@ class Takes:
         )
 
     def compare_with(self, version: Take) -> None:
-        """Play a take next to an earlier version of it, which comes into the list."""
+        """Play a take with an earlier version as reference, which is added to the list."""
         name, number = f"{version.title}, before"[: edits.MAX_NAME_CHARACTERS], version.number
         copy = replace(edits.copied(version), name=name)
 
@@ -387,7 +387,7 @@ class Takes:
         self.jobs.submit(PLAYING, partial(_loaded, shown), begin, reading=take.title if long else "")
 
     def ground_to_show(self) -> Ground:
-        """Return the ground to draw: that of the take that plays, in the frame that is shown, or the live one."""
+        """Return the ground to draw: that of the playing take at the shown frame, or the live one."""
         playback = self.playback
         if playback is None:
             return self.scene.ground
@@ -407,7 +407,7 @@ class Takes:
         return Ground(spec, terrain, "")
 
     def play_or_pause(self, number: int = LIVE) -> None:
-        """Play a take, the shown or the selected one for LIVE; pause it when it is the one that plays."""
+        """Play or pause a take; LIVE stands for the shown or selected one."""
         self.end_recording()  # which selects what was recorded
         if self.playback is not None and number in (LIVE, self.playback.number):
             self.playback.toggle()

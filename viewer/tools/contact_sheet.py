@@ -34,7 +34,7 @@ def cell_camera(pose: Pose, ground: Terrain, view_rad: tuple[float, float]) -> F
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Draw the sheet; the exit code."""
+    """Draw the sheet and return the exit code."""
     from PIL import Image, ImageDraw, ImageFont
 
     from runtime.formats.bvh_clip import load_clip_bvh

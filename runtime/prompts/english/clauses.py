@@ -19,9 +19,9 @@ _PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # targets of phrases,
 
 @dataclass(frozen=True)
 class ParsedPrompt:
-    """`parts`: part name → description that the prompt states; `rest`: the prompt without those clauses.
+    """A parsed prompt: `parts` maps part names to stated descriptions; `rest` is the prompt without those clauses.
 
-    `side` is the one that a "left-handed" person prefers, "" where nothing is said of it.
+    `side` is the preferred side of a "left-handed" person, or "".
     """
 
     parts: dict[str, str]
@@ -30,7 +30,7 @@ class ParsedPrompt:
 
 
 def parse_clauses(prompt: str) -> ParsedPrompt:
-    """Take the statements about body parts out of a prompt; several on one part are joined."""
+    """Split the statements about body parts off a prompt; several about one part are joined."""
     rules = grammar()
     text, hand = name_sides(_plain(prompt))
     pieces = rules["separators"].split(with_commas(text))

@@ -54,11 +54,10 @@ def compose_elements(
     neutral: int,
     worth: Worth,
 ) -> dict[str, int]:
-    """Return the entry that each part's words come from: figures, moods, loads and grounds on one body.
+    """Return the library entry for each part's words: figures, moods, loads and grounds combined on one body.
 
-    Each part is of the strongest entry that defines it.
-
-    Of entries alike in strength the one whose sentence is shown wins. Without a figure the strongest entry moves the whole body, unless "slightly".
+    Each part takes the strongest entry that defines it; among equally strong ones, the sentence that the model shows
+    best. Without a figure the strongest entry moves the whole body, unless it is "slightly".
     """
     chosen = _without_mentioned([e for e in elements if not e.only], entries)
     figures = [e for e in chosen if len(entries[e.entry].defines) >= BROAD]
@@ -76,7 +75,10 @@ def compose_elements(
 def pace_as_stated(
     elements: Sequence[Element], read: Sequence[Element], entries: tuple[LibraryEntry, ...]
 ) -> tuple[list[Element], dict[str, str]]:
-    """Return the elements without what was `read` of a pace alone, where another says how legs go; and what it states of them."""
+    """Return the elements and what they state of the legs, without entries in `read` that merely set a pace.
+
+    They are only left out if another entry moves the legs.
+    """
     paces = [e for e in read if _PACE_ALONE.search(entries[e.entry].descriptions.left_leg)]
     others = [e for e in elements if e not in paces]
     if not paces or not any("left_leg" in entries[e.entry].defines for e in others if not e.only):
@@ -86,7 +88,7 @@ def pace_as_stated(
 
 
 def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[str, str]:
-    """Return what a prompt states of parts, and what of its figure agrees with it: turned-out feet that trudge."""
+    """Return what a prompt states of parts, with those clauses of its figure added that agree: turned-out feet that trudge."""
     return {part: _with_figure(part, words, figure[part]) for part, words in stated.items()}
 
 
@@ -202,9 +204,9 @@ def _figure_parts(
 def compose_neighbours(
     ranked: Sequence[tuple[int, float]], embeddings: LibraryEmbeddings, worth: Worth
 ) -> dict[str, int]:
-    """Return for each part the neighbour (entry, similarity) whose words the neighbours agree on most, weighted by similarity and worth.
+    """Return, for each part, the neighbour (entry, similarity) that the neighbours agree on most, weighted by similarity and worth.
 
-    Both arms, and both legs, are those of one neighbour: they move against each other.
+    Both arms come from one neighbour, and both legs too, since they move against each other.
     """
     indices = [i for i, _ in ranked]
     weights = softmax(np.array([s for _, s in ranked], np.float32) / TEMPERATURE)
@@ -223,7 +225,7 @@ def compose_neighbours(
 def sources_note(
     sources: dict[str, int], entries: tuple[LibraryEntry, ...], similarity: dict[int, float]
 ) -> str:
-    """Return which parts come from which entry: "arms, legs: “robot” (100%); torso, head: “depressed person” (96%)"."""
+    """Return a note of which parts come from which entry: "arms, legs: “robot” (100%); torso, head: “depressed person” (96%)"."""
     words = []
     for entry in dict.fromkeys(sources.values()):
         parts = [part for part in PART_NAMES if sources[part] == entry]
@@ -264,14 +266,14 @@ def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> flo
 
 
 def words_of_parts(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:
-    """Return six descriptions, each of the entry of its part."""
+    """Return six descriptions, each taken from the library entry of its part."""
     return PartDescriptions(**{part: getattr(entries[i].descriptions, part) for part, i in sources.items()})
 
 
 def entry_side(entry: LibraryEntry) -> str:
-    """Return the side on which an entry does what makes it so, "" where both sides do the like.
+    """Return the side on which an entry acts, or "" if both sides do the same.
 
-    Its name says it ("limping on the left leg"), else the one leg that it defines, else the limb that is not idle.
+    The entry's name decides ("limping on the left leg"), else the one leg that it defines, else the limb that is not idle.
     """
     legs = [part.removesuffix("_leg") for part in entry.defines if part.endswith("_leg")]
     spoken = SIDE.findall(entry.prompt) or (legs if len(legs) == 1 else [])
@@ -282,22 +284,22 @@ def entry_side(entry: LibraryEntry) -> str:
 
 
 def is_idle(arm: str) -> bool:
-    """Return whether an arm only hangs or swings by its sentence."""
+    """Return whether a sentence says only that an arm hangs or swings."""
     return _IDLE_ARM.search(arm) is not None
 
 
 def lame_leg(said: Mapping[str, str]) -> str:
-    """Return the side of the only leg that limps, drags, hops or is stiff by some descriptions, else ""."""
+    """Return the side of the only leg that limps, drags, hops or is stiff, else ""."""
     return only_side(side for side in OPPOSITE if _BUSY_LEG.search(said.get(f"{side}_leg", "")))
 
 
 def lame_on(entry: LibraryEntry, side: str) -> LibraryEntry:
-    """Return the entry, mirrored if it is lame on the other side: a pirate who drags the left leg has no wooden right one."""
+    """Return the entry, mirrored if it limps on the other side: a pirate who drags the left leg has no wooden right one."""
     return on_side(entry, side) if lame_leg(entry.descriptions.to_mapping()) else entry
 
 
 def on_side(entry: LibraryEntry, side: str) -> LibraryEntry:
-    """Return the entry with its descriptions mirrored if it is one of the other side."""
+    """Return the entry, mirrored if it acts on the other side."""
     own = entry_side(entry)
     if not side or not own or own == side:
         return entry

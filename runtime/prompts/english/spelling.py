@@ -46,9 +46,9 @@ _TURNED = {
 
 
 class Spelling:
-    """Corrects words by one letter inserted, left out, changed or exchanged with its neighbour, to `known` ones.
+    """Corrects words to `known` ones that are one letter insertion, deletion, substitution or swap away.
 
-    `others` are words that are not corrected although they are one letter off: "hoarse" is no horse.
+    `others` are words that are never corrected: "hoarse" is not "horse".
     """
 
     def __init__(self, known: Iterable[str], others: Iterable[str] = ()) -> None:
@@ -56,7 +56,7 @@ class Spelling:
         self._right = self._known.union(others)
 
     def corrected(self, text: str) -> tuple[str, dict[str, str]]:
-        """Return the text with its typing errors corrected, and what was read as what."""
+        """Return the text with typing errors corrected, and the corrections by word."""
         read: dict[str, str] = {}
 
         def correct(match: re.Match[str]) -> str:
@@ -70,7 +70,7 @@ class Spelling:
         return re.sub(r"[^\W\d_]+(?:'[^\W\d_]+)?", correct, text), read
 
     def nearest(self, word: str) -> str | None:
-        """Return the known word that a lower-case word is one letter off, or None for what is no typing error."""
+        """Return the known word one letter away from a lower-case word, or None if the word is no typing error."""
         right = word in self._right or self._inflected(word)
         if right or len(word) < SHORTEST or not word.isascii():
             return None
@@ -111,9 +111,9 @@ def _one_off(one: str, other: str) -> bool:
 
 
 def is_foreign(text: str, known: frozenset[str]) -> bool:
-    """Return whether a prompt is in another script, or in another language for all that its words tell.
+    """Return whether a prompt is in another script or, as far as its words tell, in another language.
 
-    `known` are English words, the library's own.
+    `known` are English words of the library.
     """
     letters = [c for c in text if c.isalpha()]
     if sum(not unicodedata.name(c, "").startswith("LATIN") for c in letters) > len(letters) / 2:

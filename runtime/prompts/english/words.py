@@ -82,7 +82,7 @@ class Word:
 
     @property
     def says(self) -> bool:
-        """Whether it can name a way of moving."""
+        """Whether the word can name a way of moving."""
         held = self.text in FILLER or self.text in PREPOSITIONS or self.text in DEGREES
         return not held and not self.text.isdigit()
 
@@ -99,7 +99,7 @@ def words_of(text: str) -> list[Word]:
 
 
 def plain(text: str) -> str:
-    """Lower case with straight quotes; a name such as "ArmsAboveHead" is taken apart."""
+    """Return the text in lower case with straight quotes; camel case such as "ArmsAboveHead" is split."""
     if " " not in text.strip():
         text = _CAMEL.sub(" ", text)
     return text.lower().replace("’", "'")
@@ -111,13 +111,13 @@ def plain_denials(text: str) -> str:
 
 
 def continuous(text: str) -> str:
-    """Return a lower-case prompt with verbs as the library has them: "trudging home" for "he trudges home"."""
+    """Return a lower-case prompt with verbs in the library's form: "trudging home" for "he trudges home"."""
     return _FINITE.sub(lambda found: finite_forms()[found[0]], text)
 
 
 @cache
 def finite_forms() -> dict[str, str]:
-    """Return the library's form "trudging" by "trudge" and by "trudges", of every verb that it has in that form."""
+    """Return the library's form "trudging" for "trudge" and "trudges", for all of its verbs."""
     forms: dict[str, str] = {}
     for verb in _VERBS.split():
         bare = verb[:-1] if verb.endswith("e") and not verb.endswith(("ee", "oe")) else verb
@@ -153,7 +153,7 @@ def key(words: Sequence[Word]) -> str:
 
 
 def without_person(words: Sequence[Word]) -> Sequence[Word]:
-    """Return a phrase less the one who does it: "walking calmly" of "someone walking calmly"."""
+    """Return a phrase without the person: "walking calmly" for "someone walking calmly"."""
     return words[1:] if len(words) > 1 and words[0].text in _ANYBODY else words
 
 

@@ -35,11 +35,11 @@ _TRANSPORT = ("httpx", "httpx2", "httpcore", "httpcore2", "anyio")  # openai 2 a
 
 
 class AnswerError(Exception):
-    """An answer that is not read to its end; the message says why, after the name of the host."""
+    """Raised if an answer cannot be read to its end; the message, which follows the host's name, says why."""
 
 
 class EndpointError(PromptError):
-    """An endpoint gave no answer; `retry` says whether asking again may help, `wait_s` when it said how long."""
+    """Raised if an endpoint gave no answer; `retry`: asking again may help, `wait_s`: how long it asked to wait."""
 
     def __init__(
         self,
@@ -56,14 +56,14 @@ class EndpointError(PromptError):
 
 
 class ChatClient:
-    """Asks the endpoint of `settings`; every method may be called from any thread."""
+    """Client of the endpoint in `settings`; thread-safe."""
 
     def __init__(self, settings: GptSettings) -> None:
         self._settings = settings
         self._waiting = Waiting()
 
     def prepare(self) -> None:
-        """Import what the first request needs, so that no time limit has to pay for it."""
+        """Import what the first request needs, so that the import does not count towards its time limit."""
         _ = self._client.chat.completions.with_streaming_response
 
     def complete(
@@ -73,9 +73,9 @@ class ChatClient:
         until: float,
         stop: threading.Event,
     ) -> str:
-        """Return the text of the model's answer, with retries after failures that may pass, until `time.monotonic()` is `until`.
+        """Return the text of the model's answer, retrying temporary failures until `time.monotonic()` reaches `until`.
 
-        EndpointError says why there is none, PromptCancelledError that `stop` was set meanwhile.
+        Raises EndpointError if there is none, PromptCancelledError if `stop` is set meanwhile.
         """
         settings, wait = self._settings, self._settings.backoff_s
         begun = time.monotonic()
@@ -212,7 +212,7 @@ class ChatClient:
 
 
 def retry_after(headers: Any) -> float | None:
-    """Return seconds that an answer's headers ask to wait, given as seconds or as a date; None when they ask nothing usable."""
+    """Return the seconds that an answer's headers ask to wait (seconds or a date); None if they do not say."""
     for name, unit in (("retry-after-ms", 1e-3), ("retry-after", 1.0)):
         try:
             seconds = float(headers.get(name, "")) * unit
@@ -227,19 +227,19 @@ def retry_after(headers: Any) -> float | None:
 
 
 class Waiting(threading.local):
-    """Until when the request of this thread may take, and whether the caller still waits for it."""
+    """Time limit and cancellation of this thread's request."""
 
     until: float = float("inf")  # time.monotonic() seconds
     given_up: threading.Event | None = None
 
     def check(self) -> None:
-        """TimeoutError when the caller has stopped waiting."""
+        """Raise TimeoutError if the caller has stopped waiting."""
         if time.monotonic() > self.until or (self.given_up is not None and self.given_up.is_set()):
             raise TimeoutError
 
 
 def bounded_client(waiting: Waiting) -> Any:
-    """Return a client for `openai.OpenAI(http_client=...)`, with that library's own defaults; `waiting` bounds each request."""
+    """Return a client for `openai.OpenAI(http_client=...)` with the library's defaults, each request bounded by `waiting`."""
     from openai import DefaultHttpxClient
 
     class BoundedClient(DefaultHttpxClient):  # of httpx or httpx2, as the library has it

@@ -40,9 +40,9 @@ _SCHEMA_REFUSED = (400, 404, 415, 422, 501)  # statuses of endpoints that know n
 
 
 class GptExpander:
-    """Asks a language model for the six descriptions; `expand` waits for it, so call it in a worker thread.
+    """Asks a language model for the six descriptions; `expand` blocks, so call it in a worker thread.
 
-    Without `settings` the environment configures it, at the first prompt. `cache` is the folder of stored answers, by
+    Without `settings` the environment configures it at the first prompt. `cache` is the folder of stored answers, by
     default the user's cache directory.
     """
 
@@ -54,10 +54,10 @@ class GptExpander:
         self._last_failure: EndpointError | None = None
 
     def expand(self, prompt: str, stop: threading.Event | None = None) -> Expansion:
-        """Return descriptions by the language model, with source "gpt"; from the cache when it was sent before.
+        """Return the language model's descriptions, with source "gpt"; known prompts are answered from the cache.
 
-        PromptError when the prompt cannot be used, when the model gives no usable answer even after one repair, or as
-        PromptCancelledError when `stop` is set meanwhile. UsageError when it is not configured.
+        Raises PromptError for an unusable prompt or if the model gives no usable answer even after one repair,
+        PromptCancelledError if `stop` is set meanwhile, UsageError if it is not configured.
         """
         prompt, stop = check_prompt(prompt), threading.Event() if stop is None else stop
         stored = self._cache.get(prompt)
@@ -77,7 +77,7 @@ class GptExpander:
         return Expansion(descriptions, "gpt")
 
     def stored(self, prompt: str) -> Expansion | None:
-        """Return the answer of an earlier time, without asking; None when there is none or nothing is configured."""
+        """Return a cached answer without asking the model, or None."""
         try:
             descriptions = self._cache.get(check_prompt(prompt))
         except UsageError:  # the first `expand` says what is wrong with the settings
@@ -85,9 +85,9 @@ class GptExpander:
         return None if descriptions is None else Expansion(descriptions, "gpt")
 
     def prepare(self) -> None:
-        """Import and open what the first prompt needs: Python's import would hold up frames for tens of milliseconds.
+        """Import and open what the first prompt needs, since importing would stall frames for tens of milliseconds.
 
-        Says nothing of what is missing or wrong; the first `expand` does.
+        Problems are not reported here but by the first `expand`.
         """
         with contextlib.suppress(SportError):
             self._check_ready()
@@ -155,7 +155,7 @@ class GptExpander:
 
 
 def cache_directory(environment: Mapping[str, str] | None = None) -> Path:
-    """Return $SPORT_CACHE_DIR, else $XDG_CACHE_HOME/sport-viewer, else ~/.cache/sport-viewer."""
+    """Return the cache folder: $SPORT_CACHE_DIR, else $XDG_CACHE_HOME/sport-viewer, else ~/.cache/sport-viewer."""
     env = os.environ if environment is None else environment
     if env.get("SPORT_CACHE_DIR"):
         return Path(env["SPORT_CACHE_DIR"])
@@ -164,10 +164,10 @@ def cache_directory(environment: Mapping[str, str] | None = None) -> Path:
 
 @dataclass(frozen=True)
 class AnswerCache:
-    """One small JSON file for each prompt, model, endpoint and version of the instructions.
+    """Cache of answers: a small JSON file per prompt, model, endpoint and version of the instructions.
 
-    An entry that is damaged or that cannot be written costs a log line and a question to the model, never an error.
-    The address of the endpoint, which may hold credentials, only goes into the file's name, as a hash.
+    A damaged or unwritable entry costs a log line and another request, never an error. The endpoint's address, which
+    may hold credentials, is only part of the file name, as a hash.
     """
 
     directory: Path
@@ -203,10 +203,9 @@ class AnswerCache:
 
 
 def check_endpoint(settings: GptSettings, stop: threading.Event) -> str:
-    """Ask the endpoint of `settings` for one prompt and say how it went, without the key.
+    """Ask the endpoint of `settings` for one prompt and return a sentence about the result, without the key.
 
-    Waits for the answer: call it in a worker thread. SportError says what is wrong, PromptCancelledError that `stop`
-    was set meanwhile.
+    Blocks: call it in a worker thread. Raises SportError, or PromptCancelledError if `stop` is set meanwhile.
     """
     with temporary_folder() as empty_cache:
         expander = GptExpander(settings, empty_cache)
@@ -218,21 +217,21 @@ def check_endpoint(settings: GptSettings, stop: threading.Event) -> str:
 
 
 class FallbackExpander:
-    """Expands by `primary`, and by `secondary` with a note why when that fails."""
+    """Expands by `primary`; if that fails, by `secondary`, with a note that says why."""
 
     def __init__(self, primary: GptExpander, secondary: Expander) -> None:
         self._primary = primary
         self._secondary = secondary
 
     def expand(self, prompt: str) -> Expansion:
-        """Return descriptions of whichever answers; PromptError when the prompt itself cannot be used or was withdrawn."""
+        """Return the descriptions of the first that answers; PromptError if the prompt is unusable or was cancelled."""
         *_, (expansion, _) = self.steps(prompt, threading.Event())
         return expansion
 
     def steps(self, prompt: str, stop: threading.Event) -> Iterator[tuple[Expansion, bool]]:
-        """Yield the library's answer at once and the language model's when it comes: (expansion, whether it is final).
+        """Yield (expansion, is final): the library's answer at once, then the language model's.
 
-        What the language model has answered before is there at once. PromptCancelledError soon after `stop` is set.
+        A cached answer of the language model comes at once. Raises PromptCancelledError soon after `stop` is set.
         """
         prompt = check_prompt(prompt)
         stored = self._primary.stored(prompt)
@@ -253,9 +252,9 @@ class FallbackExpander:
 
 
 def open_expander(library: Expander, settings: GptSettings) -> FallbackExpander:
-    """Return the language model of `settings` with the library behind it.
+    """Return an expander with the language model of `settings`, and the library as fallback.
 
-    Takes some tenths of a second, for its imports: call it in a worker thread.
+    Imports take some tenths of a second: call it in a worker thread.
     """
     gpt = GptExpander(settings)
     gpt.prepare()

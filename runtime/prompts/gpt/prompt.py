@@ -48,13 +48,13 @@ Rules for each description:
 
 @dataclass(frozen=True)
 class StructuredPrompt:
-    """Word lists and question-answer examples of vocabulary.json, made into chat messages."""
+    """Word lists and question-answer examples of vocabulary.json, formatted as chat messages."""
 
     words: Mapping[str, tuple[str, ...]]
     examples: tuple[tuple[str, PartDescriptions], ...]
 
     def messages(self, prompt: str) -> list[Message]:
-        """Return specification, examples and the question about `prompt`."""
+        """Return the chat messages: specification, examples and the question about `prompt`."""
         messages = [{"role": "system", "content": self.specification}]
         for asked, answer in self.examples:
             messages.append({"role": "user", "content": question(asked)})
@@ -63,18 +63,18 @@ class StructuredPrompt:
 
     @cached_property
     def specification(self) -> str:
-        """The paper's component (a)."""
+        """The specification text, component (a) of the paper's prompt."""
         lists = "\n".join(f"{name.capitalize()}: {', '.join(self.words[name])}." for name in LISTS)
         return _SPECIFICATION.format(parts=", ".join(PART_NAMES), lists=lists)
 
     @cached_property
     def version(self) -> str:
-        """Changes with any word of the question: answers to other instructions are not reused."""
+        """A hash of all instructions, so that answers to other instructions are not reused."""
         request = json.dumps([self.messages("?"), answer_schema()], ensure_ascii=False, sort_keys=True)
         return hashlib.sha256(request.encode("utf-8")).hexdigest()[:16]
 
     def read(self, answer: str) -> PartDescriptions:
-        """Return the six descriptions of a model's answer; PromptError says what is wrong with it, as the model reads it."""
+        """Parse a model's answer into six descriptions; PromptError says what is wrong, in words that the model can act on."""
         descriptions = PartDescriptions.from_mapping(_object(answer))
         known = self._known
         words = re.findall(r"[^\W\d_]+", " ".join(descriptions.as_tuple()).lower())
@@ -88,7 +88,7 @@ class StructuredPrompt:
 
 
 def question(prompt: str) -> str:
-    """Return the paper's question; the prompt as a JSON string, so that its end cannot be mistaken."""
+    """Return the paper's question about a prompt, quoted as a JSON string so that its end is unambiguous."""
     asked = json.dumps(prompt, ensure_ascii=False)
     return (
         f"Describe the style or action {asked} into six body parts "
@@ -97,7 +97,7 @@ def question(prompt: str) -> str:
 
 
 def repair_messages(answer: str, reason: str) -> list[Message]:
-    """Return what is said after an answer that cannot be used."""
+    """Return the messages that ask the model again after an unusable answer."""
     return [
         {"role": "assistant", "content": answer[:MAX_ANSWER_CHARACTERS]},
         {
@@ -139,7 +139,7 @@ def _object(answer: str) -> dict[str, Any]:
 
 
 def load_structured_prompt(path: Path | None = None) -> StructuredPrompt:
-    """Word lists and examples of vocabulary.json, with the answers taken from styles.json and library.json next to it.
+    """Load vocabulary.json, with the example answers from styles.json and library.json next to it.
 
     FileError names what is missing or malformed.
     """

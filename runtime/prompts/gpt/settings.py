@@ -20,7 +20,7 @@ HIDDEN = "***"
 
 
 class Secret:
-    """A key that prints as asterisks and that neither pickle, copy nor JSON will write."""
+    """A key that prints as asterisks and refuses to be pickled, copied or written as JSON."""
 
     __slots__ = ("_value",)
 
@@ -28,7 +28,7 @@ class Secret:
         self._value = value.strip()
 
     def reveal(self) -> str:
-        """Return the key itself, for the request's header and nothing else."""
+        """Return the key itself; use it only for the request's header."""
         return self._value
 
     def hide_in(self, text: str) -> str:
@@ -53,10 +53,10 @@ class Secret:
 
 @dataclass(frozen=True)
 class GptSettings:
-    """An endpoint that speaks OpenAI's chat completions; UsageError names a field that cannot be used.
+    """Settings of an endpoint with OpenAI's chat completions API; UsageError names an invalid field.
 
-    `timeout_s` bounds one request, `deadline_s` all requests for one prompt: retries, waits and the repair.
-    After a failure that cost more than `costly_s`, the endpoint is left alone for `pause_s`.
+    `timeout_s` limits one request, `deadline_s` all requests for one prompt: retries, waits and the repair. After a
+    failure that took more than `costly_s`, the endpoint is not asked for `pause_s`.
     """
 
     api_key: Secret = field(default_factory=Secret)
@@ -88,9 +88,9 @@ class GptSettings:
 
     @classmethod
     def from_environment(cls, environment: Mapping[str, str] | None = None) -> GptSettings:
-        """Return settings from OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL and SPORT_GPT_TIMEOUT (seconds).
+        """Read settings from OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL and SPORT_GPT_TIMEOUT (seconds).
 
-        UsageError when neither key nor base URL is set, or when one of the four cannot be used.
+        Raises UsageError if neither key nor base URL is set, or a value is invalid.
         """
         env = os.environ if environment is None else environment
         if not gpt_configured(env):
@@ -116,10 +116,10 @@ class GptSettings:
         key: str = "",
         environment: Mapping[str, str] | None = None,
     ) -> GptSettings:
-        """Return settings that a person chose; what is empty comes from the environment.
+        """Return settings chosen by the user; empty ones come from the environment.
 
-        A key of the environment goes to no other address than the environment's. UsageError when there is neither a key
-        nor an address, or when a value cannot be used.
+        A key from the environment is only sent to the environment's address. Raises UsageError if there is neither a
+        key nor an address, or if a value is invalid.
         """
         env = dict(os.environ if environment is None else environment)
         url = base_url.strip()
@@ -138,19 +138,19 @@ class GptSettings:
 
     @property
     def host(self) -> str:
-        """The endpoint as messages name it: host and port, without credentials or query."""
+        """Host and port of the endpoint for messages, without credentials or query."""
         parts = urlsplit(self.base_url)
         return f"{parts.hostname}:{parts.port}" if parts.port else str(parts.hostname)
 
 
 def gpt_configured(environment: Mapping[str, str] | None = None) -> bool:
-    """Return whether the environment names a key or an endpoint."""
+    """Return whether the environment sets a key or an endpoint."""
     env = os.environ if environment is None else environment
     return bool(env.get(KEY, "").strip() or env.get(URL, "").strip())
 
 
 def has_credentials(url: str) -> bool:
-    """Return whether an address may carry a key or a password (user@host, or a query), so that it must not be written."""
+    """Return whether a URL may contain a key or password (user@host, or a query), so that it must not be stored."""
     try:
         parts = urlsplit(url.strip())
     except ValueError:  # brackets that do not close

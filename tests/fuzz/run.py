@@ -69,12 +69,7 @@ def damaged(target: Target, seeds: list[bytes], number: int) -> bytes:
 
 
 def run(
-    target: Target,
-    folder: Path,
-    first: int,
-    count: int,
-    before: Path | None = None,
-    measured: bool = True,
+    target: Target, folder: Path, first: int, count: int, before: Path | None = None, measured: bool = True
 ) -> Tally:
     """Read inputs `first` to `first + count`; the number of each is in the file `before` while it is being read.
 

@@ -26,15 +26,7 @@ from runtime.session.document import DocumentWriter
 from runtime.session.history import History
 from runtime.session.motion import Motion
 from runtime.session.prompt_blend import PromptBlend
-from runtime.session.session import (
-    CharacterChoice,
-    Ground,
-    ModelName,
-    Reference,
-    Session,
-    Take,
-    Variant,
-)
+from runtime.session.session import CharacterChoice, Ground, ModelName, Reference, Session, Take, Variant
 from runtime.session.session_file import SessionFile
 from runtime.session.tables import TABLES, checksum
 from runtime.takes.camera_keys import CameraKey

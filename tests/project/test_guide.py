@@ -12,16 +12,7 @@ from runtime.motion.control_scripts import GAITS, PATH_NAMES
 from runtime.motion.controller import TEMPERATURE
 from runtime.motion.model import PERIODS_S
 from runtime.terrain.library import TERRAIN_NAMES
-from tests.helpers.documents import (
-    DOCUMENTS,
-    GUIDE,
-    ROOT,
-    blocks,
-    cases,
-    check_command,
-    commands,
-    text_of,
-)
+from tests.helpers.documents import DOCUMENTS, GUIDE, ROOT, blocks, cases, check_command, commands, text_of
 from training.presets import ABLATIONS, preset
 from viewer.input.bindings import BUTTONS, HELP, KEYS, help_text
 

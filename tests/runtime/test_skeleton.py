@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from runtime import rotations
-from runtime.skeleton import (
-    MIRROR_JOINTS,
-    SPORT_SKELETON,
-    J,
-    Skeleton,
-    mirror_motion,
-)
+from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON, J, Skeleton, mirror_motion
 
 
 def random_motion(frames=5, seed=0):

@@ -22,14 +22,7 @@ from runtime.prompts.gpt.expander import (
     check_endpoint,
 )
 from runtime.prompts.gpt.settings import GptSettings, Secret, gpt_configured
-from tests.helpers.gpt_endpoint import (
-    DRUNK,
-    FIVE,
-    KEY,
-    PROUD,
-    Library,
-    fail,
-)
+from tests.helpers.gpt_endpoint import DRUNK, FIVE, KEY, PROUD, Library, fail
 
 # the cache
 

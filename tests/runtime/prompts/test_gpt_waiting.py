@@ -12,16 +12,7 @@ from runtime.prompts.expander import Expansion, PromptCancelledError
 from runtime.prompts.gpt.expander import FallbackExpander, open_expander
 from runtime.prompts.gpt.settings import GptSettings
 from runtime.prompts.service import PromptWorker
-from tests.helpers.gpt_endpoint import (
-    LONG,
-    PROUD,
-    Encoder,
-    Library,
-    fail,
-    late,
-    say,
-    wait_for,
-)
+from tests.helpers.gpt_endpoint import LONG, PROUD, Encoder, Library, fail, late, say, wait_for
 
 # what is asked
 

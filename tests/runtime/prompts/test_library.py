@@ -16,13 +16,7 @@ from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.phrases import PhraseIndex
 from runtime.prompts.english.words import key, words_of
 from runtime.prompts.gpt.prompt import load_structured_prompt
-from runtime.prompts.library_data import (
-    PromptLibrary,
-    load_embeddings,
-    load_library,
-    load_styles,
-    sentences,
-)
+from runtime.prompts.library_data import PromptLibrary, load_embeddings, load_library, load_styles, sentences
 from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import PART_NAMES
 from tests.helpers.shipped import shipped_encoder

@@ -12,10 +12,7 @@ import pytest
 
 from runtime.character.character import load_character
 from runtime.character.writer import write_character
-from runtime.session.character_files import (
-    read_character_files,
-    write_character_files,
-)
+from runtime.session.character_files import read_character_files, write_character_files
 from runtime.session.session import CharacterChoice, Session
 from runtime.session.session_file import SessionFile
 from tests.helpers.full_session import history_of, written

@@ -99,10 +99,7 @@ def onto_the_last(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("ground_root", [False, True])
 def test_the_file_closes_by_what_is_read_from_it_alone(tmp_path: Path, fps: float, ground_root: bool) -> None:
     save_motion(
-        uneven_walk(),
-        tmp_path / "loop.bvh",
-        ExportOptions(loop=True, fps=fps, ground_root=ground_root),
-        FLAT,
+        uneven_walk(), tmp_path / "loop.bvh", ExportOptions(loop=True, fps=fps, ground_root=ground_root), FLAT
     )
     positions, world = load_clip_bvh(tmp_path / "loop.bvh").world()
     positions = positions.astype(float)

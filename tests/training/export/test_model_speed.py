@@ -20,13 +20,7 @@ from runtime.motion.model import load_model
 from runtime.motion.model_files import PRODUCT, signed_products_are_exact
 from runtime.motion.unsigned_weights import unsigned_weights
 from training.export.graph import store_in_half
-from training.export.quantize import (
-    KEPT,
-    CalibrationFrames,
-    main,
-    quantize_model,
-    quantize_step,
-)
+from training.export.quantize import KEPT, CalibrationFrames, main, quantize_model, quantize_step
 
 pytestmark = pytest.mark.needs_torch
 

@@ -25,14 +25,7 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
 from tests.helpers.foreign_rigs import vrm_rig
 from tests.helpers.walker import walk
-from viewer.filming.film import (
-    _work,
-    caption,
-    count_frames,
-    film_in_process,
-    make_film,
-    write_caption,
-)
+from viewer.filming.film import _work, caption, count_frames, film_in_process, make_film, write_caption
 from viewer.filming.shots import CAMERAS, VIEW, FilmOptions, Shot, camera_path
 from viewer.filming.writers import open_writer
 from viewer.render.camera import Camera

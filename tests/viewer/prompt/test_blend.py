@@ -58,10 +58,7 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     app.prompting.swap()
     run(app)
     assert np.allclose(style(app), blended, atol=1e-4)
-    assert (app.prompting.boxes[Side.A].text, app.prompting.boxes[Side.B].text) == (
-        "a duck",
-        "a proud king",
-    )
+    assert (app.prompting.boxes[Side.A].text, app.prompting.boxes[Side.B].text) == ("a duck", "a proud king")
     assert words(app)["torso"] == app.prompting.parts["torso"] == "torso of a duck"
     press(app, "ctrl", "z")
     press(app, "ctrl", "z")

@@ -12,13 +12,7 @@ from tests.faults import faults
 from tests.faults.faults import Outcome
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
-QUICK = (
-    "killed by SIGKILL",
-    "display gone",
-    "Ctrl+C four times",
-    "disk full",
-    "two runs end at once",
-)
+QUICK = ("killed by SIGKILL", "display gone", "Ctrl+C four times", "disk full", "two runs end at once")
 
 
 @pytest.mark.parametrize("name", QUICK)

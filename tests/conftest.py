@@ -127,6 +127,15 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
         app.close()
 
 
+@pytest.fixture
+def app(start: Callable[..., Any]) -> Any:
+    """The viewer of `start()` after its first frames, when everything is laid out."""
+    app = start()
+    for _ in range(3):
+        app.frame()
+    return app
+
+
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """One such viewer for every test of a file; each test clears what it needs."""

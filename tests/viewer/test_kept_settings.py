@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.helpers.app_driver import Start, click_on, message, run, run_until
+from tests.helpers.app_driver import click_on, message, run, run_until
 from viewer.app import App
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
@@ -49,8 +49,7 @@ def written(app: App) -> dict[str, Any]:
     return content
 
 
-def test_a_change_by_mouse_is_in_the_file_a_second_later(start: Start) -> None:
-    app = start()
+def test_a_change_by_mouse_is_in_the_file_a_second_later(app: App) -> None:
     now = [0.0]
     app.kept.active, app.kept.clock, app.jobs.blocking = True, lambda: now[0], False
     run(app, 3)
@@ -66,8 +65,7 @@ def test_a_change_by_mouse_is_in_the_file_a_second_later(start: Start) -> None:
     run_until(app, lambda: written(app).get("text_size") == 1.15)
 
 
-def test_a_run_without_a_display_writes_none(start: Start) -> None:
-    app = start()
+def test_a_run_without_a_display_writes_none(app: App) -> None:
     app.settings.show_ghosts = True
     run(app, 3)
     assert app.end() == 0
@@ -128,8 +126,7 @@ def test_a_folder_that_cannot_be_written_is_said_once_and_at_the_end(tmp_path: P
     assert "Choose a folder that can be written" in messages.recent[-1].text
 
 
-def test_what_changed_in_the_last_second_is_written_at_the_end(start: Start) -> None:
-    app = start()
+def test_what_changed_in_the_last_second_is_written_at_the_end(app: App) -> None:
     app.kept.active = True
     run(app, 2)
     app.settings.invert_look = True

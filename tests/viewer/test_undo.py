@@ -83,10 +83,7 @@ def saved_and_opened(app: App, path: Path) -> Session:
 
 
 @pytest.mark.parametrize("then", ["another plays", "live", "opened"])
-def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
-    start: Start, tmp_path: Path, then: str
-) -> None:
-    app = start()
+def test_undo_takes_the_trim_back_whatever_was_looked_at_since(app: App, tmp_path: Path, then: str) -> None:
     record(app, 40)
     record(app, 40)
     play_row(app, 0)
@@ -105,8 +102,7 @@ def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
     assert trims(app)[0][0] >= 17
 
 
-def test_one_drag_of_a_handle_is_one_step(start: Start) -> None:
-    app = start()
+def test_one_drag_of_a_handle_is_one_step(app: App) -> None:
     record(app, 40)
     play_row(app, 0)
     steps = app.editor.history.present.number
@@ -125,8 +121,7 @@ def test_one_drag_of_a_handle_is_one_step(start: Start) -> None:
 # --- the list
 
 
-def test_a_removal_leaves_what_plays_alone(start: Start) -> None:
-    app = start()
+def test_a_removal_leaves_what_plays_alone(app: App) -> None:
     for _ in range(3):
         record(app, 10)
     play_row(app, 2)
@@ -136,8 +131,7 @@ def test_a_removal_leaves_what_plays_alone(start: Start) -> None:
     assert app.editor.session.selected == 3
 
 
-def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(app: App, tmp_path: Path) -> None:
     for _ in range(3):
         record(app, 10)
     menu(app, 0, "Color", "Green")
@@ -160,8 +154,7 @@ def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tm
 # --- pins, keys, path
 
 
-def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> None:
-    app = start()
+def test_undo_removes_the_camera_key_and_not_the_pin_before_it(app: App) -> None:
     record(app, 40)
     play_row(app, 0)
     for entry in ("Left hand", "Camera key"):
@@ -232,8 +225,7 @@ def shown_ground(app: App) -> str:
     return shown["##terrain"]
 
 
-def test_the_scene_panel_names_the_ground_of_the_take_that_plays(start: Start) -> None:
-    app = start()
+def test_the_scene_panel_names_the_ground_of_the_take_that_plays(app: App) -> None:
     record(app, 40)
     app.scene.load_terrain("hills")
     run(app, 2)

@@ -22,6 +22,7 @@ from runtime.terrain.library import load_terrain
 from sport import cli
 from tests.helpers.app_driver import Start, message, run
 from tests.helpers.walker import walk
+from viewer.app import App
 
 TURNS = {  # of the axes of a file
     "as ours": rotations.identity(),
@@ -107,8 +108,7 @@ def take(path: Path, terrain: str, moved: bool = False) -> Path:
     return save_bvh(clip, path)
 
 
-def test_an_opened_take_lies_on_its_ground(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_an_opened_take_lies_on_its_ground(app: App, tmp_path: Path) -> None:
     for moved in (False, True):
         app.scene.load_terrain("flat")
         app.open_files([take(tmp_path / f"up{moved}.bvh", "hills", moved)])

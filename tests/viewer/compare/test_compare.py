@@ -43,8 +43,7 @@ def apply(app: App, text: str) -> None:
     run(app, 2)
 
 
-def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(start: Start) -> None:
-    app = start()
+def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(app: App) -> None:
     apply(app, "a proud king")
     walker, mode = controller(app), app.scene.camera.mode
     click_on(app, "Compare")
@@ -70,8 +69,7 @@ def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(start: Start) -> Non
     assert message(app) == "Kept: a proud king, seed 2."
 
 
-def test_a_kept_prompt_is_the_current_one_until_undo(start: Start) -> None:
-    app = start()
+def test_a_kept_prompt_is_the_current_one_until_undo(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     assert app.compare.open
@@ -114,8 +112,7 @@ def test_blends_steps_more_and_fewer(start: Start) -> None:
     assert len(app.compare.poses) == 2
 
 
-def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(start: Start) -> None:
-    app = start()
+def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(app: App) -> None:
     press(app, "r")
     run(app, 20)
     press(app, "v")
@@ -126,9 +123,7 @@ def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(
     assert message(app) == "Compare view closed: recording started."
 
 
-def test_the_variants_stand_on_the_ground_that_is_chosen(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_the_variants_stand_on_the_ground_that_is_chosen(app: App) -> None:
     press(app, "v")
     app.scene.load_terrain("hills")
     run(app, 3)
@@ -149,8 +144,7 @@ def test_nobody_stands_in_another(count: int) -> None:
 
 
 @pytest.mark.parametrize("mode", ["follow", "orbit"])
-def test_closing_brings_the_view_of_the_live_character_back(start: Start, mode: str) -> None:
-    app = start()
+def test_closing_brings_the_view_of_the_live_character_back(app: App, mode: str) -> None:
     apply(app, "a proud king")
     app.scene.camera.use(mode)
     run(app, 30)
@@ -172,8 +166,7 @@ def test_closing_brings_the_view_of_the_live_character_back(start: Start, mode: 
 # as edits of the session
 
 
-def test_variants_come_change_and_go_as_steps(start: Start) -> None:
-    app = start()
+def test_variants_come_change_and_go_as_steps(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     assert app.editor.undo_label == "variants of “a proud king”"
@@ -195,8 +188,7 @@ def test_variants_come_change_and_go_as_steps(start: Start) -> None:
     assert [variant.seed for variant in app.compare.variants] == [0, 1, 2]
 
 
-def test_a_prompt_of_a_variant_is_a_step_and_its_field_follows(start: Start) -> None:
-    app = start()
+def test_a_prompt_of_a_variant_is_a_step_and_its_field_follows(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     app.compare.ask(1, "a duck")
@@ -213,8 +205,7 @@ def test_a_prompt_of_a_variant_is_a_step_and_its_field_follows(start: Start) -> 
     assert app.compare.texts == {}
 
 
-def test_variants_are_kept_for_their_prompt_and_replaced_for_another(start: Start) -> None:
-    app = start()
+def test_variants_are_kept_for_their_prompt_and_replaced_for_another(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     app.compare.add()
@@ -231,8 +222,7 @@ def test_variants_are_kept_for_their_prompt_and_replaced_for_another(start: Star
     assert app.compare.titles == [f"a proud king, seed {k}" for k in range(4)]
 
 
-def test_the_last_prompts_are_one_step(start: Start) -> None:
-    app = start()
+def test_the_last_prompts_are_one_step(app: App) -> None:
     for text in ("a duck", "someone limping", "a proud king"):
         apply(app, text)
     press(app, "v")
@@ -244,8 +234,7 @@ def test_the_last_prompts_are_one_step(start: Start) -> None:
     assert app.compare.titles == [f"a proud king, seed {k}" for k in range(3)]
 
 
-def test_undo_withdraws_a_prompt_of_a_variant_without_an_answer(start: Start) -> None:
-    app = start()
+def test_undo_withdraws_a_prompt_of_a_variant_without_an_answer(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     app.jobs.blocking = False

@@ -47,8 +47,7 @@ def test_a_take_is_split_and_joined_again(start: Start, size: tuple[int, int]) -
     assert takes(app) == split
 
 
-def test_what_the_trim_keeps_is_repeated_or_cut_out(start: Start) -> None:
-    app = start()
+def test_what_the_trim_keeps_is_repeated_or_cut_out(app: App) -> None:
     record(app)
     choose(app, "Cut out what the handles keep")
     assert "trim handles" in message(app)

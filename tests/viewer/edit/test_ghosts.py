@@ -11,9 +11,10 @@ from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.mirror import mirrored, other_side
 from runtime.terrain.height_map import Terrain
-from tests.helpers.app_driver import Start, click_on, run
+from tests.helpers.app_driver import click_on, run
 from tests.helpers.walker import walk
 from tests.viewer.edit.test_timeline import record, seek
+from viewer.app import App
 from viewer.edit.view_overlays import JOINTS, Trails, ghosts, speeds
 from viewer.render.marks import trail_strokes
 from viewer.session.playback import Playback
@@ -59,8 +60,7 @@ def test_a_mirror_image_twice_is_the_take() -> None:
     assert other_side("left_arm: upright, bright, Left") == "right_arm: upright, bright, Right"
 
 
-def test_ghosts_trails_and_mirror_in_the_window(start: Start) -> None:
-    app = start()
+def test_ghosts_trails_and_mirror_in_the_window(app: App) -> None:
     record(app, 30)
     click_on(app, "Ghosts")
     click_on(app, "Trails")

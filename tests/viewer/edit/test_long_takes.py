@@ -85,8 +85,7 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
     assert shown(app).first == 0
 
 
-def test_what_is_shown_fits_the_take_the_trim_and_a_pin(start: Start) -> None:
-    app = start()
+def test_what_is_shown_fits_the_take_the_trim_and_a_pin(app: App) -> None:
     play_a_minute(app)
     wheel(app, 5.0)
     click_on(app, "Fit")
@@ -126,8 +125,7 @@ def test_a_jump_of_a_long_take_can_be_hit(start: Start, size: tuple[int, int]) -
         run(app, 2)
 
 
-def test_the_frame_shown_stays_in_view_while_it_plays(start: Start) -> None:
-    app = start()
+def test_the_frame_shown_stays_in_view_while_it_plays(app: App) -> None:
     play_a_minute(app)
     app.transport.timeline.fit((0, 60))
     seek(app, 60)

@@ -20,8 +20,7 @@ def screen(app: App, x: float, z: float) -> tuple[float, float]:
     return found
 
 
-def test_a_drag_draws_a_path(start: Start) -> None:
-    app = start()
+def test_a_drag_draws_a_path(app: App) -> None:
     app.scene.camera.current.yaw = 0.0
     run(app, 5)
     click_on(app, "Draw a path")

@@ -72,8 +72,7 @@ def test_the_hips_are_dragged_down_and_the_feet_stay(start: Start, size: tuple[i
     assert layer(app).keys == (key,)
 
 
-def test_a_joint_is_turned_released_copied_and_mirrored(start: Start) -> None:
-    app = start()
+def test_a_joint_is_turned_released_copied_and_mirrored(app: App) -> None:
     record(app)
     seek(app, 20)
     click_on(app, "Pose")
@@ -117,8 +116,7 @@ def _turned(app: App, x: float, y: float, radius: float) -> bool:
     return bool(layer(app))
 
 
-def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
-    app = start()
+def test_keys_are_dragged_and_removed_on_their_track(app: App) -> None:
     record(app)
     seek(app, 30)
     click_on(app, "Pose")
@@ -140,8 +138,7 @@ def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
     assert not layer(app)
 
 
-def test_the_head_turns_as_far_as_the_mouse_goes_along_a_ring_seen_from_its_edge(start: Start) -> None:
-    app = start()
+def test_the_head_turns_as_far_as_the_mouse_goes_along_a_ring_seen_from_its_edge(app: App) -> None:
     record(app)
     seek(app, 20)
     click_on(app, "Pose")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tests.helpers.app_driver import Start, click_on, message, press, run, run_until
+from tests.helpers.app_driver import click_on, message, press, run, run_until
 from tests.viewer.edit.test_timeline import record
 from viewer.app import App
 
@@ -23,8 +23,7 @@ def without_prompts(app: App) -> int:
     return take.number
 
 
-def test_a_motion_is_restyled_and_stays_beside_the_new_take(start: Start) -> None:
-    app = start()
+def test_a_motion_is_restyled_and_stays_beside_the_new_take(app: App) -> None:
     number = without_prompts(app)
     app.editing.prompt = "a proud king"
     app.editing.shown = None

@@ -84,8 +84,7 @@ def prompts(app: App) -> list[tuple[str, int]]:
     return [(event.prompt, round(event.seconds * 60)) for event in take(app).clip.prompts]
 
 
-def test_the_keys_of_a_take(start: Start) -> None:
-    app = start()
+def test_the_keys_of_a_take(app: App) -> None:
     record(app)
     playback = app.takes.playback
     assert playback is not None
@@ -104,8 +103,7 @@ def test_the_keys_of_a_take(start: Start) -> None:
     assert app.takes.playback is None
 
 
-def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
-    app = start()
+def test_the_words_shown_are_those_of_the_take_that_plays(app: App) -> None:
     record(app)
     app.prompting.submit_prompt("proud peacock")
     seek(app, 5)
@@ -118,8 +116,7 @@ def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
     assert prompt(app) == "proud peacock"  # live again
 
 
-def test_trim_handles_are_dragged(start: Start) -> None:
-    app = start()
+def test_trim_handles_are_dragged(app: App) -> None:
     record(app)
     drag(app, "##timeline", 0.0, 0.25, down=0.8)
     playback = app.takes.playback
@@ -131,8 +128,7 @@ def test_trim_handles_are_dragged(start: Start) -> None:
     assert 21 <= playback.frame <= 26
 
 
-def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(start: Start) -> None:
-    app = start()
+def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(app: App) -> None:
     before = record(app)
     seek(app, 20)
     click_on(app, "+ Prompt")
@@ -151,8 +147,7 @@ def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(start: Start) -
     assert len(take(app).clip.prompts) == 3
 
 
-def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(start: Start) -> None:
-    app = start()
+def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(app: App) -> None:
     record(app)
     drag(app, "##prompts", 0.505, 0.25)  # by its beginning
     assert [p for p, _ in prompts(app)] == ["a proud king", "an old king"]
@@ -176,8 +171,7 @@ def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(start: Start) -> 
     assert prompts(app) == [("a proud king", 0), ("an old king", 40)]
 
 
-def test_a_gait_is_inserted_and_the_stick_goes_on(start: Start) -> None:
-    app = start()
+def test_a_gait_is_inserted_and_the_stick_goes_on(app: App) -> None:
     before = record(app)
     seek(app, 30)
     click_on(app, "+ Gait")
@@ -195,8 +189,7 @@ def test_a_gait_is_inserted_and_the_stick_goes_on(start: Start) -> None:
     assert take(app).frames == before.frames
 
 
-def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
-    app = start()
+def test_driving_goes_on_from_a_frame_of_a_take(app: App) -> None:
     record(app)
     app.prompting.submit_prompt("proud peacock")
     app.scene.load_terrain("stairs")
@@ -218,8 +211,7 @@ def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
     assert again.made.inputs is not None
 
 
-def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_take_from_a_file_says_why_it_cannot_be_edited(app: App, tmp_path: Path) -> None:
     record(app)
     app.bvh_export.path = f"{tmp_path}/walk.bvh"
     app.bvh_export.export()
@@ -297,10 +289,7 @@ class Gate:
 
 
 @pytest.mark.parametrize("then", ["undo", "other take", "delete", "finish", "cancel"])
-def test_what_is_done_while_a_prompt_is_moved(
-    start: Start, monkeypatch: pytest.MonkeyPatch, then: str
-) -> None:
-    app = start()
+def test_what_is_done_while_a_prompt_is_moved(app: App, monkeypatch: pytest.MonkeyPatch, then: str) -> None:
     record(app)
     app.takes.toggle_recording()
     run(app, 30)
@@ -342,9 +331,8 @@ def test_what_is_done_while_a_prompt_is_moved(
 
 
 def test_undo_while_a_gait_is_made_takes_that_back_and_not_the_split(
-    start: Start, monkeypatch: pytest.MonkeyPatch
+    app: App, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = start()
     record(app)
     seek(app, 40)
     app.cutting.split()
@@ -362,8 +350,7 @@ def test_undo_while_a_gait_is_made_takes_that_back_and_not_the_split(
     assert app.editor.session == split
 
 
-def test_the_keys_of_editors_trim_key_and_shuttle(start: Start) -> None:
-    app = start()
+def test_the_keys_of_editors_trim_key_and_shuttle(app: App) -> None:
     record(app)
     playback = app.takes.playback
     assert playback is not None
@@ -387,8 +374,7 @@ def test_the_keys_of_editors_trim_key_and_shuttle(start: Start) -> None:
     assert not playback.playing
 
 
-def test_p_while_recording_ends_the_take_and_plays_it(start: Start) -> None:
-    app = start()
+def test_p_while_recording_ends_the_take_and_plays_it(app: App) -> None:
     record(app)
     app.takes.close_playback()
     app.takes.toggle_recording()
@@ -400,8 +386,7 @@ def test_p_while_recording_ends_the_take_and_plays_it(start: Start) -> None:
     assert app.takes.playback.number == 2
 
 
-def test_versions_of_a_take_are_gone_back_to_and_compared_with(start: Start) -> None:
-    app = start()
+def test_versions_of_a_take_are_gone_back_to_and_compared_with(app: App) -> None:
     before = record(app)
     app.editing.reword(1, "a goose")
     run(app, 3)

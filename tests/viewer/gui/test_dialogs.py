@@ -9,6 +9,7 @@ import pytest
 from tests.helpers import hand
 from tests.helpers.app_driver import Start, click_on, drag, drawn, press, record, run, texts
 from viewer import window as window_module
+from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.dialogs import DialogKind, PendingDialog
 
@@ -66,8 +67,7 @@ def test_cancel_answers_nothing(start: Start, folder: Path) -> None:
     assert found == []
 
 
-def test_the_pose_panel_is_moved_and_stays_there(start: Start) -> None:
-    app = start()
+def test_the_pose_panel_is_moved_and_stays_there(app: App) -> None:
     record(app, 40)
     app.takes.play(1)
     app.posing.toggle()
@@ -106,8 +106,7 @@ def test_a_remembered_window_fits_the_screen(
     assert window_module._fitting_screen(*asked) == asked
 
 
-def test_the_help_has_the_keys_of_the_session(start: Start) -> None:
-    app = start()
+def test_the_help_has_the_keys_of_the_session(app: App) -> None:
     press(app, "f1")
     run(app, 2)
     said = " ".join(texts(app))

@@ -63,8 +63,7 @@ def type_everything(app: App) -> None:
         app.window.inject_key(letter, False)
 
 
-def test_words_that_miss_a_field_do_nothing(start: Start) -> None:
-    app = start()
+def test_words_that_miss_a_field_do_nothing(app: App) -> None:
     run(app, 30)
     x, y = place(app, "##terrain")
     click(app, x, y - 56.0)  # the title of the panel
@@ -83,9 +82,7 @@ def test_words_that_miss_a_field_do_nothing(start: Start) -> None:
 
 
 @pytest.mark.parametrize("label", ["##path", "##prompt A", "##search"])
-def test_a_field_that_was_clicked_has_the_keys_within_the_frame(start: Start, label: str) -> None:
-    app = start()
-    run(app, 3)
+def test_a_field_that_was_clicked_has_the_keys_within_the_frame(app: App, label: str) -> None:
     if label == "##path":
         ground = place(app, "##terrain")
         click(app, ground[0] - 40.0, ground[1] + 28.0)
@@ -112,9 +109,7 @@ def test_a_field_that_was_clicked_has_the_keys_within_the_frame(start: Start, la
 
 
 @pytest.mark.parametrize("frames", [0, 1])  # in one slow frame, and in two
-def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: int) -> None:
-    app = start()
-    run(app, 3)
+def test_what_a_held_key_repeats_is_no_text_of_the_prompt(app: App, frames: int) -> None:
     app.window.inject_key("w", True)
     hand.text(app.window, "w")
     run(app, frames)
@@ -136,9 +131,7 @@ def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: 
     assert not app.editor.session.takes
 
 
-def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(app: App) -> None:
     app.window.inject_key("w", True)
     run(app, 2)
     click_on(app, "Grid")
@@ -150,9 +143,7 @@ def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> No
     assert app.takes.recording
 
 
-def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_every_panel_is_reached_and_used_by_keys(app: App) -> None:
     seen = []
     for _ in range(5):
         press(app, "f6")
@@ -172,8 +163,7 @@ def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
     assert controller(app).z == 0.0  # no key reached the character
 
 
-def test_tab_goes_through_a_panel_and_its_fields(start: Start) -> None:
-    app = start()
+def test_tab_goes_through_a_panel_and_its_fields(app: App) -> None:
     app.takes.toggle_recording()
     run(app, 40)
     app.takes.toggle_recording()
@@ -197,8 +187,7 @@ MODAL = ("help", "path dialog", "defect", "last session")
 
 
 @pytest.mark.parametrize("what", MODAL)
-def test_no_key_reaches_what_lies_behind_a_modal_window(start: Start, what: str) -> None:
-    app = start()
+def test_no_key_reaches_what_lies_behind_a_modal_window(app: App, what: str) -> None:
     record(app)
     run(app, 2)
     app.sessions.dialogs.available = lambda: False
@@ -240,8 +229,7 @@ def test_no_key_reaches_what_lies_behind_a_modal_window(start: Start, what: str)
     assert not len(imgui.get_current_context().open_popup_stack), "the list behind it does not open"
 
 
-def test_f6_stays_among_the_windows_over_everything(start: Start) -> None:
-    app = start()
+def test_f6_stays_among_the_windows_over_everything(app: App) -> None:
     record(app)
     app.settings_window.toggle()
     run(app, 3)

@@ -15,9 +15,7 @@ def open_lists() -> int:
     return len(imgui.get_current_context().open_popup_stack)
 
 
-def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(app: App) -> None:
     click_on(app, "##terrain")
     assert open_lists() == 1
     x, y = place(app, "Wall")
@@ -36,9 +34,7 @@ def typed_key(app: App, letter: str) -> None:
     app.window.inject_key(letter, False)
 
 
-def test_every_key_of_a_slow_frame_is_taken_in_it(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_every_key_of_a_slow_frame_is_taken_in_it(app: App) -> None:
     app.shell.focus_prompt()
     run(app, 4)
     for letter in "anoldman":
@@ -79,9 +75,7 @@ def test_tooltips_lie_beside_the_panel_and_say_what_cannot_be_read(
     assert (found[2] <= size[0]) & (found[3] <= size[1]) & (found[1] >= 0)
 
 
-def test_tooltips_of_the_timeline_lie_over_it(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_tooltips_of_the_timeline_lie_over_it(app: App) -> None:
     app.takes.toggle_recording()
     run(app, 30)
     app.takes.toggle_recording()
@@ -107,9 +101,7 @@ def test_a_message_pushes_the_facts_away_where_both_have_no_room(start: Start) -
     assert "Take 1: 6.7 s in the clip list. Export writes it as BVH." in shown
 
 
-def test_six_fields_fit_into_a_window_of_the_first_start(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_six_fields_fit_into_a_window_of_the_first_start(app: App) -> None:
     fields = [box for label, box in drawn(app) if label == "##words"]
     assert len(fields) == 6
     assert max(bottom for _, _, _, bottom in fields) <= 680 - 10

@@ -107,8 +107,7 @@ def test_no_control_moves_when_an_answer_comes(start: Start, size: tuple[int, in
 
 
 @pytest.mark.parametrize("window", ["settings", "export", "joints"])
-def test_a_window_stays_where_it_opened_and_on_the_screen(start: Start, window: str) -> None:
-    app = start()
+def test_a_window_stays_where_it_opened_and_on_the_screen(app: App, window: str) -> None:
     record(app)
     (app.exporting.open if window == "export" else app.settings_window.toggle)()
     run(app, 3)

@@ -28,8 +28,7 @@ def labels(app: App) -> str:
     return " ".join(label for label, _ in drawn(app))
 
 
-def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     run(app, 3)
     record(app)
@@ -47,8 +46,7 @@ def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, 
     assert (tmp_path / "a-proud-walk.bvh").is_file()
 
 
-def test_a_removed_take_comes_back_by_key_and_by_the_menu(start: Start) -> None:
-    app = start()
+def test_a_removed_take_comes_back_by_key_and_by_the_menu(app: App) -> None:
     for _ in range(3):
         record(app)
     click_on(app, ICON.trash, index=1)
@@ -82,8 +80,7 @@ def test_the_newest_take_is_in_view(start: Start, height: int) -> None:
     assert window.pos.y <= rows[0][1]
 
 
-def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_every_take_is_exported_at_once_and_no_file_is_replaced(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     (tmp_path / "take-1.bvh").write_text("of somebody else", encoding="utf-8")
     record(app)
@@ -116,8 +113,7 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
     assert window.scroll.y == pytest.approx(window.scroll_max.y)
 
 
-def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_the_export_window_writes_what_the_command_writes(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     record(app, 40)
     click_on(app, "##more formats")
@@ -142,9 +138,7 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     assert "##export now" not in labels(app)
 
 
-def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
-    app = start()
-    run(app, 2)
+def test_settings_are_chosen_in_a_window(app: App, tmp_path: Path) -> None:
     click_on(app, "##settings")
     run(app, 2)
     settings = app.settings
@@ -165,8 +159,7 @@ def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
     assert not app.settings_window.shown
 
 
-def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_another_model_is_loaded_by_a_dialog_and_remembered(app: App, tmp_path: Path) -> None:
     before = app.scene.controller
     app.settings_window.choose_model(tmp_path)
     run(app, 2)
@@ -177,8 +170,7 @@ def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_pa
     assert "is missing" in said(app)
 
 
-def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_the_first_minute_ticks_itself_off_and_does_not_come_back(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     run(app, 3)
     guide = app.guide
@@ -260,8 +252,7 @@ def test_the_line_shows_what_weighs_more_first_and_again_what_holds(
     assert [m.text for m in messages.recent] == [text for text in said.values() if text != "over"]
 
 
-def test_behind_the_line_is_a_list_with_what_can_be_done(start: Start) -> None:
-    app = start()
+def test_behind_the_line_is_a_list_with_what_can_be_done(app: App) -> None:
     app.messages.error(FileError("dunes.png: damaged.", "Save it again as PNG."), "ground")
     app.messages.note("Saved walk.bvh", Path("walk.bvh"))
     run(app, 2)

@@ -24,13 +24,12 @@ from tests.helpers.app_driver import (
     typing,
     words,
 )
+from viewer.app import App
 
 # typing
 
 
-def test_typing_fills_the_prompt_and_never_drives(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_typing_fills_the_prompt_and_never_drives(app: App) -> None:
     click_prompt_box(app)
     app.window.inject_key("w", True)
     hand.text(app.window, "w")
@@ -63,8 +62,7 @@ def test_a_prompt_that_cannot_be_used_keeps_the_style(start: Start) -> None:
     assert len(controller(app).styles) == styles
 
 
-def test_enter_changes_the_style_at_the_next_simulated_frame(start: Start) -> None:
-    app = start()
+def test_enter_changes_the_style_at_the_next_simulated_frame(app: App) -> None:
     app.prompting.blocking = False  # as on a screen
     run(app, 3)
     type_prompt(app, "proud")
@@ -107,9 +105,7 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
 # the six fields
 
 
-def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: Start) -> None:
-    app = start()
-    run(app)
+def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(app: App) -> None:
     said = words(app)["torso"]
     for empty in (False, True):
         app.prompting.parts["torso"] = "torso twisting"
@@ -124,9 +120,7 @@ def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: S
         assert app.editor.session.live.prompt.a.edited == ()
 
 
-def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_a_field_is_applied_when_it_is_left(app: App) -> None:
     click_on(app, "##words", len(PART_NAMES) - 1)
     hand.text(app.window, " slowly")
     run(app, 3)

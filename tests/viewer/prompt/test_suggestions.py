@@ -19,12 +19,11 @@ from tests.helpers.app_driver import (
 )
 from tests.helpers.shipped import shipped_library
 from tests.helpers.viewer_fakes import FakeLibrary
+from viewer.app import App
 from viewer.settings import load_settings, save_settings
 
 
-def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_suggestions_show_while_typing_and_are_taken_by_keys(app: App) -> None:
     styles = len(controller(app).styles)
     type_prompt(app, "prou")
     box = app.prompting.boxes[Side.A]
@@ -46,9 +45,7 @@ def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> No
     assert prompt(app) == "proud peacock, head down"
 
 
-def test_enter_on_a_suggestion_asks_for_it(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_enter_on_a_suggestion_asks_for_it(app: App) -> None:
     type_prompt(app, "king")
     press(app, "down")
     press(app, "down")
@@ -72,18 +69,14 @@ def test_escape_closes_the_list_and_then_leaves_the_field(start: Start) -> None:
     assert app.prompting.boxes[Side.A].text == "a proud king"  # as before it was entered
 
 
-def test_a_suggestion_is_taken_by_the_mouse(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_a_suggestion_is_taken_by_the_mouse(app: App) -> None:
     type_prompt(app, "prou")
     click_on(app, "##1")  # the second line
     assert prompt(app) == "a proud king"
     assert not app.prompting.boxes[Side.A].suggesting
 
 
-def test_the_button_stays_in_reach_while_the_list_is_open(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_the_button_stays_in_reach_while_the_list_is_open(app: App) -> None:
     type_prompt(app, "prou")
     assert app.prompting.boxes[Side.A].suggesting
     click_on(app, "Apply")
@@ -91,8 +84,7 @@ def test_the_button_stays_in_reach_while_the_list_is_open(start: Start) -> None:
     assert not app.prompting.boxes[Side.A].suggesting
 
 
-def test_meaning_is_looked_up_on_a_worker_only(start: Start) -> None:
-    app = start()
+def test_meaning_is_looked_up_on_a_worker_only(app: App) -> None:
     app.jobs.blocking = False
     run(app, 2)
     library = app.language_model.library
@@ -108,9 +100,7 @@ def test_meaning_is_looked_up_on_a_worker_only(start: Start) -> None:
 # history
 
 
-def test_the_history_is_recalled_remembered_and_has_no_doubles(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_the_history_is_recalled_remembered_and_has_no_doubles(app: App) -> None:
     for text in ("one", "two", "One ", "three"):
         app.prompting.submit_prompt(text)
     assert app.settings.prompt_history == ["three", "One", "two"]
@@ -127,9 +117,7 @@ def test_the_history_is_recalled_remembered_and_has_no_doubles(start: Start) -> 
     assert load_settings(app.config)[0].prompt_history == ["three", "One", "two"]
 
 
-def test_the_prompt_that_the_program_begins_with_is_no_history(start: Start) -> None:
-    app = start()
-    run(app)
+def test_the_prompt_that_the_program_begins_with_is_no_history(app: App) -> None:
     assert app.settings.prompt_history == []
     app.prompting.submit_prompt("  ")  # nor is one that had no answer
     assert app.settings.prompt_history == []

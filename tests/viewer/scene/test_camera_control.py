@@ -46,9 +46,7 @@ def test_the_first_view_is_from_beside_and_walking_goes_straight_on(
     assert controller(app).z > 3.0
 
 
-def test_a_drag_ends_the_first_view_and_forward_is_where_the_camera_looks(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_a_drag_ends_the_first_view_and_forward_is_where_the_camera_looks(app: App) -> None:
     app.scene.camera.drag(10.0, 0.0, False, 720)
     camera = app.scene.camera.current
     assert camera.heading == camera.yaw

@@ -24,9 +24,7 @@ from viewer.scene.simulation import MAX_FAILURES
 from viewer.services import Services
 
 
-def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(start: Start) -> None:
-    app = start()
-    run(app)
+def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(app: App) -> None:
     before = app.scene.terrain
     for spec in ("moon", "/nowhere/map.png"):
         app.scene.load_terrain(spec)
@@ -49,9 +47,7 @@ def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> N
         )
 
 
-def test_terrain_reaches_model_and_renderer(start: Start) -> None:
-    app = start()
-    run(app)
+def test_terrain_reaches_model_and_renderer(app: App) -> None:
     app.scene.load_terrain("stairs")
     run(app)
     renderer = app.scene.renderer
@@ -60,9 +56,7 @@ def test_terrain_reaches_model_and_renderer(start: Start) -> None:
     assert app.scene.terrain.name == "stairs"
 
 
-def test_strength_reaches_the_model_and_stays_in_the_settings(start: Start) -> None:
-    app = start()
-    run(app)
+def test_strength_reaches_the_model_and_stays_in_the_settings(app: App) -> None:
     app.settings.strength = 1.2
     run(app)
     assert controller(app).strength == 1.2
@@ -80,9 +74,7 @@ def test_response_reaches_the_model_from_the_command_and_the_scene(start: Start)
     assert controller(app).response == 1.0
 
 
-def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> None:
-    app = start()
-    run(app)
+def test_dropped_files_go_where_they_belong(app: App, tmp_path: Path) -> None:
     shutil.copy(asset_path("character/mannequin.glb"), tmp_path / "hero.glb")
     app.open_files([tmp_path / "hero.glb", tmp_path / "notes.txt"])
     run(app)
@@ -97,8 +89,7 @@ def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> Non
     assert app.editor.session.takes == ()
 
 
-def test_a_glb_of_a_take_that_was_exported_here_is_a_take_alone(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_glb_of_a_take_that_was_exported_here_is_a_take_alone(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     record(app, 40)
     app.exporting.open()
@@ -129,10 +120,8 @@ def test_a_dropped_mesh_without_a_skin_is_a_ground(start: Start, tmp_path: Path,
 
 
 def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_comes_in_every_step(
-    start: Start,
+    app: App,
 ) -> None:
-    app = start()
-    run(app, 3)
     fake = controller(app)
     fake.message = "The network gave rubbish."
     run(app, 1)
@@ -148,9 +137,7 @@ def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_c
 
 
 @pytest.mark.parametrize("broken", ["nan", "exception"])
-def test_a_failing_model_leaves_the_last_good_pose(start: Start, broken: str) -> None:
-    app = start()
-    run(app, 3)
+def test_a_failing_model_leaves_the_last_good_pose(app: App, broken: str) -> None:
     good = app.scene.simulation.current
     fake = controller(app)
     if broken == "nan":
@@ -180,9 +167,7 @@ def test_without_panels_saved_frames_hold_the_scene_alone(start: Start, tmp_path
     assert (dark > 60) if panels else (abs(dark) < 25), dark
 
 
-def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(app: App) -> None:
     for _ in range(7):
         app.scene.lower_quality(12.0, 1.0)
     assert (app.scene.renderer.quality.name, app.settings.quality) == ("fast", "")
@@ -193,9 +178,7 @@ def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(start: St
     assert app.scene.renderer.quality.name == "software"
 
 
-def test_the_motion_keeps_its_own_time_at_five_frames_a_second(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_the_motion_keeps_its_own_time_at_five_frames_a_second(app: App) -> None:
     simulation, steps = app.scene.simulation, controller(app).steps
     for _ in range(10):
         simulation.model_ms = 2.0
@@ -221,8 +204,7 @@ def test_grounds_of_files_are_in_the_list_and_undo_takes_a_choice_from_the_next_
         assert app.settings.terrain == remembered
 
 
-def test_another_ground_ends_the_take_that_plays(start: Start) -> None:
-    app = start()
+def test_another_ground_ends_the_take_that_plays(app: App) -> None:
     record(app, 30)
     app.takes.play(1)
     run(app, 2)

@@ -113,9 +113,7 @@ def test_the_wheel_zooms_at_the_pointer(start: Start, steps: float) -> None:
     assert on_screen(camera, point, size) == pytest.approx(at, abs=3.0)
 
 
-def test_f_frames_the_selected_pin_and_0_the_character(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_f_frames_the_selected_pin_and_0_the_character(app: App) -> None:
     app.takes.toggle_recording()
     run(app, 30)
     app.takes.toggle_recording()

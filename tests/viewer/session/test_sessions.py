@@ -155,8 +155,7 @@ def test_each_take_is_in_the_session_in_which_it_was_recorded(start: Start, tmp_
     assert app.sessions.earlier == []
 
 
-def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start) -> None:
-    app = start()
+def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(app: App) -> None:
     record(app, 60)
     app.takes.play(1)
     playback = app.takes.playback
@@ -172,8 +171,7 @@ def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start
     assert [round(key.seconds * 60) for key in app.camera_keys.keys] == [20, 30, 40]
 
 
-def test_save_as_of_an_untitled_session_removes_the_untitled_file(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_save_as_of_an_untitled_session_removes_the_untitled_file(app: App, tmp_path: Path) -> None:
     record(app)
     assert app.editor.file.flush(60.0)
     assert len(list(untitled(tmp_path).glob("*.sport"))) == 1
@@ -206,8 +204,7 @@ def test_two_windows_on_one_session_the_second_has_a_copy(start: Start, tmp_path
     assert [t.title for t in in_file(copy, tmp_path).takes] == ["of the second", "Take 1"]
 
 
-def test_the_session_that_is_open_is_not_opened_again(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_the_session_that_is_open_is_not_opened_again(app: App, tmp_path: Path) -> None:
     record(app)
     app.sessions.save_as(tmp_path / "a.sport")
     (tmp_path / "link.sport").symlink_to(tmp_path / "a.sport")
@@ -345,8 +342,7 @@ def test_what_is_offered_may_go_later_and_of_many_sessions_ten_stay(start: Start
     assert not empty.exists()
 
 
-def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(start: Start) -> None:
-    app = start()
+def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(app: App) -> None:
     record(app)
     app.takes.rename(1, "gone")
     app.takes.remove(1)
@@ -387,9 +383,8 @@ def full(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
 
 
 def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_room(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    app: App, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = start()
     record(app)
     assert app.editor.file.flush(60.0)
     is_full = full(monkeypatch)
@@ -432,8 +427,7 @@ def test_a_folder_that_cannot_be_made_puts_the_session_into_the_temporary_folder
     assert len(in_file(path, tmp_path).takes) == 1
 
 
-def test_a_name_that_cannot_be_written_leaves_the_session_where_it_is(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_name_that_cannot_be_written_leaves_the_session_where_it_is(app: App, tmp_path: Path) -> None:
     record(app)
     path = app.editor.file.path
     (tmp_path / "file").write_text("", encoding="utf-8")
@@ -491,8 +485,7 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
 # --- dialogs
 
 
-def test_without_a_dialog_program_the_path_is_typed(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_without_a_dialog_program_the_path_is_typed(app: App, tmp_path: Path) -> None:
     app.sessions.dialogs.available = lambda: False
     record(app)
     press(app, "ctrl", "s")
@@ -524,8 +517,7 @@ def test_a_systems_dialog_hands_over_its_answer(start: Start, tmp_path: Path) ->
 # --- other things of a session
 
 
-def test_a_take_plays_on_the_ground_that_it_was_made_on(start: Start) -> None:
-    app = start()
+def test_a_take_plays_on_the_ground_that_it_was_made_on(app: App) -> None:
     record(app)
     flat = app.scene.terrain
     app.scene.load_terrain("stairs")
@@ -544,8 +536,7 @@ def test_a_take_plays_on_the_ground_that_it_was_made_on(start: Start) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="names of POSIX are bytes")
-def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_name_that_is_no_text_kills_nothing(app: App, tmp_path: Path) -> None:
     record(app)
     folder = tmp_path / os.fsdecode(b"clips-\xff")
     try:

@@ -32,9 +32,7 @@ def record(app: App, frames: int = 30) -> None:
     run(app)
 
 
-def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
-    app = start()
-    run(app, 2)
+def test_record_play_trim_export(app: App, tmp_path: Path) -> None:
     record(app)
     assert [take.title for take in app.editor.session.takes] == ["Take 1"]
     take = app.editor.session.takes[0].clip
@@ -89,9 +87,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     assert "an old king" in app.editor.session.takes[-1].clip.describe()
 
 
-def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
-    app = start()
-    run(app, 2)
+def test_a_failing_export_keeps_the_clip(app: App, tmp_path: Path) -> None:
     record(app)
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
@@ -139,9 +135,7 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     assert app.bvh_export.saved(app.editor.session.takes[0]) == own
 
 
-def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: Start, tmp_path: Path) -> None:
-    app = start()
-    run(app, 2)
+def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(app: App, tmp_path: Path) -> None:
     record(app)
     original = tmp_path / "take-1.bvh"
     app.bvh_export.path = str(original)
@@ -158,8 +152,7 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: St
     assert len(load_clip_bvh(tmp_path / "take-1-2.bvh")) == 11
 
 
-def test_the_last_seconds_are_always_in_memory(start: Start) -> None:
-    app = start()
+def test_the_last_seconds_are_always_in_memory(app: App) -> None:
     app.settings.keep_seconds = 0.25
     run(app, 40)
     app.window.inject_key("t", True)
@@ -168,9 +161,7 @@ def test_the_last_seconds_are_always_in_memory(start: Start) -> None:
     assert not app.takes.recording
 
 
-def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_moving_leaves_the_playback_and_nothing_else_does(app: App) -> None:
     record(app)
     app.takes.play(1)
     run(app, 3)
@@ -191,8 +182,7 @@ def kept(folder: Path) -> list[str]:
     return [take.title for take in history.present.session.takes]
 
 
-def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(app: App, tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
     app.options = dataclasses.replace(app.options, offscreen=False, screenshot=blocked / "shot.png")

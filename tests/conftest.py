@@ -1,7 +1,5 @@
 """Fixtures that several test files share."""
 
-from __future__ import annotations
-
 import dataclasses
 import gc
 import os
@@ -53,13 +51,14 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         for name in ("HOME", "USERPROFILE"):
             patch.setenv(name, str(folder))
-        for name in (
+        folders = (
             "XDG_CONFIG_HOME",
             "XDG_CACHE_HOME",
             "XDG_STATE_HOME",
             "SPORT_CONFIG_DIR",
             "SPORT_CACHE_DIR",
-        ):
+        )
+        for name in folders:
             patch.delenv(name, raising=False)
         yield folder
 
@@ -127,6 +126,15 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
         app.close()
 
 
+@pytest.fixture
+def app(start: Callable[..., Any]) -> Any:
+    """The viewer of `start()` after its first frames, when everything is laid out."""
+    app = start()
+    for _ in range(3):
+        app.frame()
+    return app
+
+
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """One such viewer for every test of a file; each test clears what it needs."""
@@ -164,8 +172,7 @@ def loaded_once(monkeypatch: pytest.MonkeyPatch) -> None:
         return load_model(folder, **options) if folder or options else shipped.shipped_model()
 
     def encoder(metadata: dict[str, Any], folder: Path, chosen: Path | None = None) -> Any:
-        own = shipped.shipped_model()
-        usual = chosen is None and folder == own.folder
+        usual = chosen is None and folder == shipped.shipped_model().folder
         return shipped.shipped_encoder() if usual else text_encoder_of(metadata, folder, chosen)
 
     monkeypatch.setattr("runtime.motion.model.load_model", model)

@@ -46,34 +46,6 @@ class Calibration:
         better = (leads if mirrored else -leads)[:LIMBS] >= LIMB_LEAD_FRACTION
         return tuple(better.astype(float).tolist())
 
-    def drawn_out(self, z: Float32Array) -> Float32Array:
-        """Return Z^t `(6, 64)` with the parts near a measured code exaggerated by its gain, which fades with distance.
-
-        Each code has two gains, alone and among other unusual parts; the result lies between them.
-        """
-        gains, others = np.ones((len(z), 1), np.float32), self._others(z)
-        for near in self._nearest(z):
-            like = float(np.clip(1.0 - (near.off - self.spreads[near.code]) / GAIN_FADE_FRACTION, 0.0, 1.0))
-            alone, among = self.gains[near.code]
-            gain = alone + others[near.part] * (among - alone)
-            gains[near.part] = max(gains[near.part], 1.0 + like * (gain - 1.0))
-        return np.asarray(self.neutral + gains * (z - self.neutral), np.float32)
-
-    def _others(self, z: Float32Array) -> Float32Array:
-        """Of each part, how unusual the rest of the body is `(6,)`, 0 to 1; of a limb its twin does not count."""
-        far = np.linalg.norm(z - self.neutral, axis=1) / self._usual
-        unusual = np.clip((far - PLAIN_FRACTION) / (UNUSUAL_FRACTION - PLAIN_FRACTION), 0.0, 1.0)
-        groups = 0.5 * (unusual + unusual[TWINS])  # the same for both of a pair
-        total = groups.sum() - groups[:LIMBS].sum() / 2
-        return np.asarray(np.minimum(1.0, (total - groups) / OTHER_PARTS_COUNT), np.float32)
-
-    @cached_property
-    def _usual(self) -> Float32Array:
-        """Median distance of the measured codes of each part from neutral `(6,)`; infinite where there are none."""
-        own = [np.isin(self.parts, (part, TWINS[part])) for part in range(len(self.neutral))]
-        far = np.linalg.norm(self.codes - self.neutral[self.parts], axis=1)
-        return np.array([_median(far[rows]) if rows.any() else np.inf for rows in own], np.float32)
-
     def _nearest(self, z: Float32Array) -> Iterator[_Near]:
         """The code nearest to each part, and to each part of the mirror image."""
         for sign, seen in ((1, z), (-1, mirrored_code(z))):

@@ -1,7 +1,5 @@
 """What opening and playing a session costs, in a process of its own: `python -m tests.damage.opening FILE [--window]`."""
 
-from __future__ import annotations
-
 import argparse
 import resource
 import tempfile
@@ -65,9 +63,8 @@ def in_window(path: Path) -> tuple[list[float], str]:
             return last - begun
 
         def answered() -> bool:
-            return app.editor.session is not before or any(
-                path.name in message.text and "Reading" not in message.text for message in app.messages.recent
-            )
+            said = [message.text for message in app.messages.recent if "Reading" not in message.text]
+            return app.editor.session is not before or any(path.name in text for text in said)
 
         app.sessions.open(path)
         times = [until(answered)]

@@ -1,7 +1,5 @@
 """What is written onto the disk, and the process that does it for one format with less and less room."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable
@@ -25,8 +23,7 @@ def writers(copied: Path) -> dict[str, Write]:
     from viewer.filming.shots import FilmOptions
     from viewer.filming.writers import open_writer
 
-    take = clip()
-    long = take.resampled(1000.0)
+    long = clip().resampled(1000.0)
 
     def film(path: Path) -> None:
         from concurrent.futures import ThreadPoolExecutor
@@ -86,9 +83,8 @@ def main(ending: str, disk: Path, copied: Path) -> None:
             after = sorted(path.name for path in disk.iterdir())
             kept = not old or (target.is_file() and (target.read_bytes() == OLD or not said))
             left = sorted(set(after) - set(before)) if said else []
-            print(
-                json.dumps({"kb": room_kb, "old": old, "said": said, "left": left, "kept": kept}), flush=True
-            )
+            row = {"kb": room_kb, "old": old, "said": said, "left": left, "kept": kept}
+            print(json.dumps(row), flush=True)
 
 
 def fill(disk: Path, room_kb: int) -> None:

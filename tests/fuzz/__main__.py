@@ -6,8 +6,6 @@ Each batch is a process of its own, so that one that crashes or is killed for me
 `--only NAME --first K --count 1` reads one input of the table again.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import sys
@@ -91,8 +89,7 @@ def _in_batches(name: str, first: int, count: int) -> Tally:
     with tempfile.TemporaryDirectory(prefix="sport-fuzz-") as folder:
         progress = Path(folder) / "number"
         while first < end:
-            size = min(BATCH, end - first)
-            part, done = _batch(name, first, size, progress)
+            part, done = _batch(name, first, min(BATCH, end - first), progress)
             tally.add(part)
             first += done
     return tally

@@ -1,7 +1,5 @@
 """Targets that are networks: model folders, text encoders, and an endpoint's answers on the wire."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import random
@@ -37,8 +35,7 @@ def _walk(folder: Path) -> None:
     controller = Controller(model, Terrain.flat())
     controller.set_style(style, 0.1)
     for _ in range(2):
-        pose = controller.step(Controls((0.0, 1.0)))
-        assert np.isfinite(pose.positions).all()
+        assert np.isfinite(controller.step(Controls((0.0, 1.0))).positions).all()
 
 
 def _metadata_seeds(folder: Path) -> list[bytes]:
@@ -104,8 +101,6 @@ def _read_encoder(folder: Path, data: bytes) -> None:
 
 
 # --- an endpoint
-
-
 class _Endpoint:
     """A server on loopback that answers every request with the same bytes and hangs up."""
 
@@ -138,10 +133,8 @@ def _server() -> tuple[_Endpoint, Any]:
     from runtime.prompts.gpt.settings import GptSettings, Secret
 
     endpoint = _Endpoint()
-    settings = GptSettings(
-        Secret("key"), f"http://127.0.0.1:{endpoint.port}/v1", timeout_s=2.0, deadline_s=2.0, attempts=1
-    )
-    return endpoint, ChatClient(settings)
+    url, limits = f"http://127.0.0.1:{endpoint.port}/v1", {"timeout_s": 2.0, "deadline_s": 2.0}
+    return endpoint, ChatClient(GptSettings(Secret("key"), url, attempts=1, **limits))
 
 
 def _wire_seeds(_folder: Path) -> list[bytes]:

@@ -1,7 +1,5 @@
 """Targets that are sessions: the file with its rows, what takes were driven by, and the states of controllers in it."""
 
-from __future__ import annotations
-
 import io
 import json
 import random
@@ -60,8 +58,6 @@ def _state_seeds(_folder: Path) -> list[bytes]:
 
 
 # --- damage
-
-
 def _in_rows(change: Callable[[random.Random, sqlite3.Connection], None]):
     """Damage to the rows of a database, whose pages are whole then; sometimes to all bytes."""
 
@@ -120,9 +116,8 @@ def _values(rng: random.Random, connection: sqlite3.Connection) -> None:
     at, content = rng.choice(rows)
     plain = zlib.decompress(content)
     made = _state(rng, plain) if plain[:2] == b"PK" else _flipped(rng, plain)
-    connection.execute(
-        f"UPDATE {table} SET size = ?, content = ? WHERE {key} = ?", (len(made), zlib.compress(made, 1), at)
-    )
+    values = (len(made), zlib.compress(made, 1), at)
+    connection.execute(f"UPDATE {table} SET size = ?, content = ? WHERE {key} = ?", values)
 
 
 def _edit(
@@ -170,8 +165,6 @@ def _flipped(rng: random.Random, data: bytes) -> bytes:
 
 
 # --- reading
-
-
 def _opened(folder: Path, data: bytes) -> tuple[SessionFile, History]:
     for left in folder.glob("input.sport-*"):
         left.unlink()
@@ -215,8 +208,7 @@ def _resimulate(folder: Path, data: bytes) -> None:
             (first, made), (second, _) = (_driven(take.made.clip, inputs) for _ in range(2))
             assert first.local_rotations.tobytes() == second.local_rotations.tobytes()
             assert np.isfinite(first.pose(len(first) - 1).positions).all()
-            kept = _kept(folder, first, made)
-            third, _ = _driven(first, kept)
+            third, _ = _driven(first, _kept(folder, first, made))
             assert third.local_rotations.tobytes() == first.local_rotations.tobytes()
             assert third.hips_positions.tobytes() == first.hips_positions.tobytes()
     finally:

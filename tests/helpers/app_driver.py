@@ -1,10 +1,9 @@
 """What tests of the application do to it: run frames, press, type and click, and look at its state."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -119,8 +118,7 @@ def click_on(app: App, label: str, index: int = 0) -> None:
     """Click a widget where it is when the pointer has got there: a name that was just read may move what is beside it."""
     spot = place(app, label, index)
     for _ in range(5):
-        hand.mouse(app.window, *spot, 0 if app.frames_shown else None, False)
-        run(app, 2)
+        point(app, *spot, 0 if app.frames_shown else None, False)
         before, spot = spot, place(app, label, index)
         if spot == before:
             break
@@ -129,8 +127,30 @@ def click_on(app: App, label: str, index: int = 0) -> None:
 
 def click(app: App, x: float, y: float) -> None:
     for down in (False, True, False):
-        hand.mouse(app.window, x, y, 0 if down or app.frames_shown else None, down)
-        run(app, 2)
+        point(app, x, y, 0 if down or app.frames_shown else None, down)
+    run(app, 2)
+
+
+def point(app: App, x: float, y: float, button: int | None = None, down: bool = False) -> None:
+    """Move the mouse there, where a button may change, and let the panels answer."""
+    hand.mouse(app.window, x, y, button, down)
+    run(app, 2)
+
+
+def wheel(app: App, steps: float) -> None:
+    hand.wheel(app.window, steps)
+    run(app, 2)
+
+
+def type_in(app: App, text: str) -> None:
+    """Type into the field that has the keyboard."""
+    hand.text(app.window, text)
+    run(app, 3)
+
+
+def right_click(app: App, x: float, y: float) -> None:
+    for down in (None, True, False):
+        point(app, x, y, None if down is None else 1, bool(down))
 
 
 def click_prompt_box(app: App) -> None:
@@ -138,21 +158,35 @@ def click_prompt_box(app: App) -> None:
 
 
 def press(app: App, *names: str) -> None:
-    """Press keys together, the last ones last, and let them go."""
+    """Press keys together, the last ones last, and let them go; then a few frames in which panels answer."""
     for name in names:
         app.window.inject_key(name, True)
         run(app)
     for name in reversed(names):
         app.window.inject_key(name, False)
         run(app)
+    run(app, 2)
+
+
+def hold(app: App, key: str, frames: int) -> None:
+    app.window.inject_key(key, True)
+    run(app, frames)
+    app.window.inject_key(key, False)
 
 
 def type_prompt(app: App, text: str) -> None:
     """Go to the prompt's field, where everything is selected, and type."""
     app.shell.focus_prompt()
     run(app, 3)
-    hand.text(app.window, text)
-    run(app, 3)
+    type_in(app, text)
+
+
+def type_key(app: App, letter: str) -> None:
+    """What a keyboard sends of a letter, within one frame: key down, its character, key up."""
+    name = "space" if letter == " " else letter
+    app.window.inject_key(name, True)
+    hand.text(app.window, letter)
+    app.window.inject_key(name, False)
 
 
 def typing(app: App) -> bool:
@@ -168,9 +202,7 @@ def message(app: App) -> str:
 
 def words(app: App) -> dict[str, str]:
     """The descriptions the character moves by."""
-    answer = app.editor.session.live.prompt.a
-    assert answer is not None
-    return answer.words.to_mapping()
+    return app.editor.session.live.prompt.a.words.to_mapping()
 
 
 def prompt(app: App) -> str:
@@ -188,34 +220,84 @@ def style(app: App) -> np.ndarray:
 
 def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
     for at, down in ((start, None), (start, True), (end, True), (end, False)):
-        hand.mouse(app.window, *at, None if down is None else 0, bool(down))
-        run(app, 2)
+        point(app, *at, None if down is None else 0, bool(down))
     run(app, 2)
 
 
 def record(app: App, frames: int = 20, stop: bool = True) -> None:
     """A walk straight ahead; without `stop` it is still recorded."""
     app.takes.toggle_recording()
-    app.window.inject_key("w", True)
-    run(app, frames)
-    app.window.inject_key("w", False)
+    hold(app, "w", frames)
     if stop:
         app.takes.toggle_recording()
     run(app)
 
 
+def record_standing(app: App, frames: int) -> None:
+    app.takes.toggle_recording()
+    run(app, frames)
+    app.takes.toggle_recording()
+
+
+def export_bvh(app: App, path: Path | str | None = None) -> None:
+    """Export the take that plays or the newest one, where the window proposes it or to a path."""
+    if path is not None:
+        app.bvh_export.path = str(path)
+    app.bvh_export.export()
+    run(app, 2)
+
+
+def save_and_leave(app: App, path: Path) -> None:
+    """Save the session, and begin another one."""
+    app.sessions.save_as(path)
+    run(app, 2)
+    app.sessions.new()
+    run(app, 2)
+
+
 def seek(app: App, frame: int) -> None:
     """Show a frame of the take that plays, and pause there."""
-    assert app.takes.playback is not None
     app.takes.playback.seek(frame)
     run(app, 2)
 
 
 def frame(app: App) -> int:
     """The frame that is shown of the take that plays."""
-    assert app.takes.playback is not None
     return app.takes.playback.frame
 
 
 def titles(app: App) -> list[str]:
     return [take.title for take in app.editor.session.takes]
+
+
+def _click(app: App, what: str) -> None:
+    label, _, index = what.partition(" @")
+    click_on(app, label, int(index or 0))
+
+
+STEPS: dict[str, Callable[[App, str], object]] = {
+    "click": _click,
+    "key": lambda app, keys: press(app, *keys.split("+")),
+    "hold": lambda app, what: hold(app, what.split(" ")[0], int(what.split(" ")[1])),
+    "type": type_in,
+    "run": lambda app, frames: run(app, int(frames)),
+    "record": lambda app, frames: record(app, int(frames or 20)),
+    "stand": lambda app, frames: record_standing(app, int(frames)),
+    "play": lambda app, number: app.takes.play(int(number or 1)),
+    "close": lambda app, _: app.takes.close_playback(),
+    "seek": lambda app, number: seek(app, int(number)),
+    "remove": lambda app, number: app.takes.remove(int(number)),
+    "mirror": lambda app, number: app.takes.mirror(int(number)),
+    "prompt": lambda app, text: app.prompting.submit_prompt(text),
+    "insert": lambda app, text: app.editing.insert_prompt(text),
+    "ground": lambda app, spec: app.scene.load_terrain(spec),
+    "undo": lambda app, _: app.editor.undo(),
+    "redo": lambda app, _: app.editor.redo(),
+}
+
+
+def do(app: App, steps: str) -> None:
+    """Steps of `STEPS`: "click ##terrain; key down; type abc"; "click Keep @1" is the second widget of that name."""
+    for step in steps.split("; "):
+        verb, _, what = step.partition(" ")
+        STEPS[verb](app, what)

@@ -1,7 +1,5 @@
 """A real headless Chromium without a network."""
 
-from __future__ import annotations
-
 import base64
 import io
 import shutil
@@ -16,8 +14,7 @@ CHROMIUM, DRIVER = shutil.which("chromium") or shutil.which("google-chrome"), sh
 ARGUMENTS = ["--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
              "--disable-dev-shm-usage", "--force-prefers-reduced-motion", "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"]  # fmt: skip
 needs_browser = pytest.mark.skipif(
-    CHROMIUM is None or DRIVER is None,
-    reason="no Chromium: apt-get install chromium chromium-driver",
+    CHROMIUM is None or DRIVER is None, reason="no Chromium: apt-get install chromium chromium-driver"
 )
 
 

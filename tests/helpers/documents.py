@@ -1,7 +1,5 @@
 """What the documents hold: fenced blocks, commands, links; and whether a command would be accepted as it stands."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import re
@@ -21,12 +19,8 @@ from sport.commands import training
 
 ROOT = PROJECT_ROOT
 GUIDE = sorted((ROOT / "docs" / "guide").glob("*.md"))
-DOCUMENTS = [
-    *sorted(ROOT.glob("*.md")),
-    *sorted((ROOT / "docs").rglob("*.md")),
-    *sorted((ROOT / "examples").glob("*.md")),
-    ROOT / "assets" / "NOTICE.md",
-]
+DOCUMENTS = sorted(ROOT.glob("*.md")) + sorted((ROOT / "docs").rglob("*.md"))
+DOCUMENTS += [*sorted((ROOT / "examples").glob("*.md")), ROOT / "assets" / "NOTICE.md"]
 WITH_SUBCOMMANDS = ("training.evaluation", "benchmarks.study")
 TRAINING = re.compile(rf"\btraining\.|^(?:python -m )?sport (?:{'|'.join(training.COMMANDS)})\b")
 SETTING = re.compile(r"[A-Z_]+=\S*")  # a variable in front of a command
@@ -79,18 +73,8 @@ def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     elif words[:2] == ["python", "-m"]:
         check_help(words[2], words[3:], monkeypatch, capsys)
     else:
-        assert words[0] in (
-            "pip",
-            "sudo",
-            "git",
-            "npm",
-            "node",
-            ".ci/run",
-            "pytest",
-            "ruff",
-            "mypy",
-            "python",
-        ), line
+        known = "pip sudo git npm node .ci/run pytest ruff mypy python"
+        assert words[0] in known.split(" "), line
 
 
 def check_help(
@@ -119,8 +103,7 @@ def check_help(
 def links(path: Path) -> list[str]:
     """Targets of links and images that lead to files of the repository, with their anchors."""
     text = re.sub(r"^```.*?^```", "", text_of(path), flags=re.S | re.M)
-    targets = re.findall(r"\]\(([^)\s]+)\)", text)
-    return [target for target in targets if "://" not in target]
+    return [target for target in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in target]
 
 
 def anchors(path: Path) -> set[str]:

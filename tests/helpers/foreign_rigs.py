@@ -1,7 +1,5 @@
 """Three skinned characters of others, built here: textured boxes on skeletons as Mixamo, VRM and a centimetre rig have them."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any
@@ -68,9 +66,8 @@ class Document:
         pixels = np.random.default_rng(seed).integers(60, 255, (8, 8, 3)).astype(np.uint8)
         data = io.BytesIO()
         Image.fromarray(pixels).save(data, "PNG")
-        self.value["images"].append(
-            {"bufferView": self.view(data.getvalue()), "mimeType": "image/png", "name": name}
-        )
+        image = {"bufferView": self.view(data.getvalue()), "mimeType": "image/png", "name": name}
+        self.value["images"].append(image)
         self.value["textures"].append({"source": len(self.value["images"]) - 1})
         surface = {"baseColorTexture": {"index": len(self.value["textures"]) - 1}, "metallicFactor": 0.0}
         self.value["materials"].append({"name": name, "pbrMetallicRoughness": surface, "doubleSided": True})
@@ -95,9 +92,8 @@ def _boxes(
     joints = np.zeros((len(at), 4), np.uint16)
     joints[:, 0] = np.repeat([order.index(b) for b in bones], 8)
     weights = np.tile(np.float32([1, 0, 0, 0]), (len(at), 1))
-    triangles = (
-        (np.array(faces).ravel() + 8 * np.arange(len(bones))[:, None]).astype(np.uint16).reshape(-1, 1)
-    )
+    triangles = np.array(faces).ravel() + 8 * np.arange(len(bones))[:, None]
+    triangles = triangles.astype(np.uint16).reshape(-1, 1)
     return at, uv, joints, weights, triangles
 
 
@@ -114,9 +110,8 @@ def _skin_mesh(doc: Document, name: str, points: dict[str, np.ndarray], bones: l
     inverse[:, [3, 7, 11]], inverse[:, 15] = 0.0, 1.0
     doc.value["skins"].append({"joints": nodes, "inverseBindMatrices": doc.array(inverse)})
     doc.value["meshes"].append({"name": name, "primitives": [primitive]})
-    doc.value["nodes"].append(
-        {"name": name, "mesh": len(doc.value["meshes"]) - 1, "skin": len(doc.value["skins"]) - 1}
-    )
+    mesh, skin = (len(doc.value[kind]) - 1 for kind in ("meshes", "skins"))
+    doc.value["nodes"].append({"name": name, "mesh": mesh, "skin": skin})
     return len(doc.value["nodes"]) - 1
 
 
@@ -126,10 +121,8 @@ def _joints(
     """Nodes of the bones below a space `above`, in the order of `BONES`."""
     first = len(doc.value["nodes"])
     for name in BONES:
-        parent = _MIXAMO_PARENTS[name]
-        local = np.linalg.inv(worlds.get(parent, above)) @ worlds[name]
-        scale = np.linalg.norm(local[:3, :3], axis=0)
-        turn = rotations.from_matrix(local[:3, :3] / scale)
+        local = np.linalg.inv(worlds.get(_MIXAMO_PARENTS[name], above)) @ worlds[name]
+        turn = rotations.from_matrix(local[:3, :3] / np.linalg.norm(local[:3, :3], axis=0))
         children = [first + BONES.index(c) for c in BONES if _MIXAMO_PARENTS[c] == name]
         node: dict[str, Any] = {"name": names[name], "translation": local[:3, 3].tolist(),
                                 "rotation": turn[[1, 2, 3, 0]].tolist()}  # fmt: skip
@@ -154,15 +147,13 @@ def mixamo_rig(path: Path) -> Path:
     doc = Document()
     above = np.eye(4)
     above[:3, :3] = 0.01 * Z_UP.T
-    points = {name: Z_UP @ point for name, point in rest_points().items()}
-    worlds = _worlds(points, above, 1)
+    worlds = _worlds({name: Z_UP @ point for name, point in rest_points().items()}, above, 1)
     nodes = _joints(doc, {b: "mixamorig:" + b for b in BONES}, worlds, above)
     mesh_space = np.diag([0.01, 0.01, 0.01, 1.0])
     mesh = _skin_mesh(doc, "Body", rest_points(), BONES, BONES, nodes, np.stack(list(worlds.values())), mesh_space, 3.0, 1)  # fmt: skip
     turn = rotations.from_matrix(Z_UP.T)[[1, 2, 3, 0]].tolist()
-    doc.value["nodes"].append(
-        {"name": "Armature", "rotation": turn, "scale": [0.01] * 3, "children": [nodes[0], mesh]}
-    )
+    top = {"name": "Armature", "rotation": turn, "scale": [0.01] * 3, "children": [nodes[0], mesh]}
+    doc.value["nodes"].append(top)
     doc.value["scenes"] = [{"nodes": [len(doc.value["nodes"]) - 1]}]
     return doc.write(path)
 
@@ -215,10 +206,8 @@ def sparse_rig(path: Path) -> Path:
         blob += data
         return len(document["bufferViews"]) - 1
 
-    indices, values = (
-        view(np.uint16([0, 3]).tobytes()),
-        view(np.float32([[0, 0, 0.1], [0, 0, 0.2]]).tobytes()),
-    )
+    indices = view(np.uint16([0, 3]).tobytes())
+    values = view(np.float32([[0, 0, 0.1], [0, 0, 0.2]]).tobytes())
     document["accessors"].append(
         {"componentType": 5126, "count": count, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0.2],
          "sparse": {"count": 2, "indices": {"bufferView": indices, "componentType": 5123},

@@ -4,8 +4,6 @@ After a wanted change of the look: SPORT_UPDATE_GOLDEN=1 pytest tests/viewer/ren
 tests/golden.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -37,8 +35,6 @@ def check_golden(name: str, picture: np.ndarray, mean: float = 1.5, far: float =
     if difference.mean() > mean or far_off > far:
         FAILURES.mkdir(exist_ok=True)
         shown = np.clip(4 * difference, 0, 255).astype(np.uint8)
-        side_by_side = np.hstack([picture, golden.astype(np.uint8), shown])
-        save_png(side_by_side, FAILURES / f"{name}.png")
-        pytest.fail(
-            f"{name}: mean difference {difference.mean():.2f}, {far_off:.1%} far off; see {FAILURES}.{UPDATE}"
-        )
+        save_png(np.hstack([picture, golden.astype(np.uint8), shown]), FAILURES / f"{name}.png")
+        told = f"mean difference {difference.mean():.2f}, {far_off:.1%} far off"
+        pytest.fail(f"{name}: {told}; see {FAILURES}.{UPDATE}")

@@ -38,8 +38,7 @@ def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0, straight=False
         stance = phase < 0.6
         swing = np.clip((phase - 0.6) / 0.4, 0.0, 1.0)
         ease = swing * swing * (3 - 2 * swing)
-        step = np.floor(t + 0.5 * side)
-        planted = (step + 0.3 - 0.5 * side) * STRIDE_M * speed_share
+        planted = (np.floor(t + 0.5 * side) + 0.3 - 0.5 * side) * STRIDE_M * speed_share
         ankle_z = planted + ease * STRIDE_M * speed_share
         ankle_y = ANKLE_HEIGHT + 0.10 * np.sin(np.pi * swing) * speed_share
         ankles.append(np.stack([np.full(frames, 0.0753 * sign), ankle_y, ankle_z], -1))
@@ -94,13 +93,8 @@ class WalkerModel:
         self._positions = positions - hips[:, None] * np.array([1.0, 0.0, 1.0])
         self._rotations = rotations.to_6d(world)
         phase = np.zeros((features.L + 1, features.C, 2))
-        self.metadata = {
-            "start": {
-                "output": self._y(0, np.zeros(2), 0.0, 0.0)[0].tolist(),
-                "phase": phase.ravel().tolist(),
-            },
-            "name": self.name,
-        }
+        output = self._y(0, np.zeros(2), 0.0, 0.0)[0].tolist()
+        self.metadata = {"start": {"output": output, "phase": phase.ravel().tolist()}, "name": self.name}
 
     def crosses(self, obstacle):
         """Never."""

@@ -1,7 +1,5 @@
 """The controller elsewhere: golden vectors, the plain reference loop, and the network's step in JavaScript."""
 
-from __future__ import annotations
-
 import functools
 import http.server
 import importlib.util
@@ -38,8 +36,6 @@ needs_package = pytest.mark.skipif(
 def reference() -> ModuleType:
     """The loop of the example."""
     spec = importlib.util.spec_from_file_location("engine_controller", FOLDER / "controller.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -103,9 +99,8 @@ def test_the_page_on_engines_gives_every_entry(reference: ModuleType) -> None:
     for slices in (INPUT, OUTPUT):
         for name, entries in slices.items():
             assert f"| {entries.start} - {entries.stop - 1} |" in text, (name, entries)
-    assert [int(np.prod(shape)) for shape in reference.OUTPUT.values()] == [
-        entries.stop - entries.start for entries in OUTPUT.values()
-    ]
+    lengths = [entries.stop - entries.start for entries in OUTPUT.values()]
+    assert [int(np.prod(shape)) for shape in reference.OUTPUT.values()] == lengths
     assert list(reference.INPUT.values()) == [entries.stop - entries.start for entries in INPUT.values()]
     assert [reference.STAND, reference.JUMP] == [Gait.STAND, Gait.JUMP]
 
@@ -129,12 +124,8 @@ console.log(JSON.stringify(said));
 
 @pytest.mark.skipif(NODE is None, reason="needs Node.js")
 def test_damaged_arrays_and_graphs_are_one_sentence_in_node() -> None:
-    call = [
-        str(NODE),
-        "--input-type=module",
-        "-e",
-        DAMAGE.replace("import.meta.url", f'"{FOLDER.as_uri()}/"'),
-    ]
+    script = DAMAGE.replace("import.meta.url", f'"{FOLDER.as_uri()}/"')
+    call = [str(NODE), "--input-type=module", "-e", script]
     done = subprocess.run(call, cwd=FOLDER, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     whole, *arrays, graph, other, metadata = json.loads(done.stdout)
@@ -146,9 +137,8 @@ def test_damaged_arrays_and_graphs_are_one_sentence_in_node() -> None:
 
 @needs_package
 def test_the_step_runs_in_node() -> None:
-    done = subprocess.run(
-        [str(NODE), "check.mjs"], cwd=FOLDER, capture_output=True, text=True, timeout=600, check=False
-    )
+    call = [str(NODE), "check.mjs"]
+    done = subprocess.run(call, cwd=FOLDER, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr + done.stdout
     assert json.loads(done.stdout)["worst"] < 1e-4
 

@@ -1,7 +1,5 @@
 """Clocks that jump and times that no clock gives: nothing is lost, swept away under another program, or not finite."""
 
-from __future__ import annotations
-
 import random
 import time
 from itertools import cycle
@@ -13,7 +11,7 @@ from runtime.atomic import atomic_path, sweep
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.session import library
 from runtime.session.library import SessionSummary
-from tests.helpers.app_driver import Start, run
+from tests.helpers.app_driver import Start, do, run
 from viewer.session.summaries import describe
 
 YEAR_S = 365 * 86400.0
@@ -26,9 +24,8 @@ def jumping(monkeypatch: pytest.MonkeyPatch) -> None:
     times, stamps = random.Random(3), cycle(("19700101-000000", "20991231-235959", "20260301-120000"))
     monkeypatch.setattr(time, "time", lambda: times.choice(JUMPS))
     real = time.strftime
-    monkeypatch.setattr(
-        time, "strftime", lambda form, *t: next(stamps) if form == "%Y%m%d-%H%M%S" else real(form, *t)
-    )
+    stamp = "%Y%m%d-%H%M%S"
+    monkeypatch.setattr(time, "strftime", lambda form, *t: next(stamps) if form == stamp else real(form, *t))
 
 
 @pytest.mark.usefixtures("jumping")
@@ -40,8 +37,7 @@ def test_takes_are_recorded_played_and_kept_while_the_clock_jumps(start: Start, 
         run(app, 30)
         app.takes.toggle_recording()
         app.takes.play(app.editor.session.counter)
-        run(app, 5)
-        app.takes.close_playback()
+        do(app, "run 5; close")
     assert [len(item.clip) for item in app.editor.session.takes] == [30, 30, 30]
     app.bvh_export.export()
     assert len(load_clip_bvh(next((tmp_path / "clips").glob("*.bvh")))) == 30
@@ -70,9 +66,8 @@ def test_the_newest_session_is_that_of_the_last_run(start: Start, tmp_path: Path
 
 @pytest.mark.parametrize("seconds", [-1e18, -1.0, 0.0, 4e9, 1e18])
 def test_a_session_of_any_time_can_be_described(tmp_path: Path, seconds: float) -> None:
-    assert describe(SessionSummary(tmp_path, "Untitled", True, seconds, 1, 2.0, b"")).startswith(
-        "Untitled, 1 take"
-    )
+    summary = SessionSummary(tmp_path, "Untitled", True, seconds, 1, 2.0, b"")
+    assert describe(summary).startswith("Untitled, 1 take")
 
 
 def test_what_a_running_program_writes_is_not_swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

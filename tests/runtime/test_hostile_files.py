@@ -1,13 +1,12 @@
 """Small files that would cost much, run something or never end: refused, or read at their own size."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,11 +45,8 @@ def png(width: int, height: int, colour: int = 0, bits: int = 16) -> bytes:
     packer = zlib.compressobj(1)
     line = b"\0" * (1 + width * (3 if colour == 2 else 1) * bits // 8)
     data = b"".join(packer.compress(line) for _ in range(height)) + packer.flush()
-    chunks = (
-        (b"IHDR", struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)),
-        (b"IDAT", data),
-        (b"IEND", b""),
-    )
+    head = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
+    chunks = ((b"IHDR", head), (b"IDAT", data), (b"IEND", b""))
     body = b"".join(
         struct.pack(">I", len(b)) + k + b + struct.pack(">I", zlib.crc32(k + b)) for k, b in chunks
     )
@@ -58,14 +54,18 @@ def png(width: int, height: int, colour: int = 0, bits: int = 16) -> bytes:
 
 
 # --- nothing in a file is run
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """What Pillow is asked to open."""
+    asked: list[object] = []
+    monkeypatch.setattr(Image, "open", lambda *a, **k: asked.append(a))
+    return asked
 
 
 @pytest.mark.parametrize("embedded", [True, False])
 def test_a_texture_of_postscript_never_reaches_pillows_guess(
-    embedded: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    embedded: bool, tmp_path: Path, opened: list[object]
 ) -> None:
-    opened: list[object] = []
-    monkeypatch.setattr(Image, "open", lambda *a, **k: opened.append(a))
     script = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n(x) run\n"
     (tmp_path / "image.png").write_bytes(script)
     (tmp_path / "bad.glb").write_bytes(textured({"uri": "image.png"}, script if embedded else b""))
@@ -74,11 +74,8 @@ def test_a_texture_of_postscript_never_reaches_pillows_guess(
     assert opened == []
 
 
-def test_grounds_never_look_at_textures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    opened: list[object] = []
-    monkeypatch.setattr(Image, "open", lambda *a, **k: opened.append(a))
-    script = b"%!PS\n"
-    (tmp_path / "image.png").write_bytes(script)
+def test_grounds_never_look_at_textures(tmp_path: Path, opened: list[object]) -> None:
+    (tmp_path / "image.png").write_bytes(b"%!PS\n")
     (tmp_path / "ground.mtl").write_text("newmtl m\nmap_Kd image.png\n", encoding="utf-8")
     corners = "v 0 0 0\nv 3 0 0\nv 3 0 3\nvt 0 0\n"
     (tmp_path / "ground.obj").write_text(f"mtllib ground.mtl\n{corners}usemtl m\nf 1/1 3/1 2/1\n")
@@ -100,8 +97,6 @@ def test_png_and_jpeg_still_colour(tmp_path: Path) -> None:
 
 
 # --- nothing is waited for
-
-
 READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "bvh": ("a.bvh", read_bvh),
     "character": ("a.glb", load_character),
@@ -127,18 +122,12 @@ def test_a_pipe_or_a_device_is_refused_at_once(case: str, tmp_path: Path) -> Non
 
 
 # --- bombs
-
-
-def bomb_bvh_of_1024_joints(path: Path) -> Callable[[], object]:
-    frames = 1_000_000
+def bomb_bvh_of_1024_joints(path: Path, frames: int = 1_000_000) -> Callable[[], object]:
     path.write_text(chain(1024, "Xposition") + MOTION.format(frames) + "0\n" * frames, encoding="utf-8")
     return lambda: read_bvh(path)
 
 
-def bomb_bvh_at_the_limit(path: Path) -> Callable[[], object]:
-    frames = MAX_JOINT_FRAMES // 1024
-    path.write_text(chain(1024, "Xposition") + MOTION.format(frames) + "0\n" * frames, encoding="utf-8")
-    return lambda: read_bvh(path)
+bomb_bvh_at_the_limit = partial(bomb_bvh_of_1024_joints, frames=MAX_JOINT_FRAMES // 1024)
 
 
 def bomb_glb_of_300_primitives(path: Path) -> Callable[[], object]:
@@ -148,9 +137,8 @@ def bomb_glb_of_300_primitives(path: Path) -> Callable[[], object]:
     values = {"POSITION": 0.0, "JOINTS_0": 0, "WEIGHTS_0": 0.25}
     attributes = {}
     for name, (component, kind, size) in kinds.items():
-        data = np.full(count * size // (2 if component == 5123 else 4), values[name]).astype(
-            np.uint16 if component == 5123 else np.float32
-        )
+        number, each = (np.uint16, 2) if component == 5123 else (np.float32, 4)
+        data = np.full(count * size // each, values[name]).astype(number)
         document["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": data.nbytes})
         document["accessors"].append(
             {"bufferView": len(document["bufferViews"]) - 1, "componentType": component, "count": count,
@@ -254,9 +242,8 @@ def bomb_fps(path: Path) -> Callable[[], object]:
 
 BOMBS = {
     name.removeprefix("bomb_").replace("_", " "): make
-    for name, make in sorted(globals().items())
-    if name.startswith("bomb_")
-}
+    for name, make in sorted(globals().items()) if name.startswith("bomb_")
+}  # fmt: skip
 READ = ("bvh at the limit", "glb chain", "ground png", "texture")
 
 

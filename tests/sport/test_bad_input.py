@@ -1,7 +1,5 @@
 """Whatever is damaged, unknown or missing: one sentence with a remedy, exit code 2, and a viewer that goes on."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -33,8 +31,6 @@ LONG_PROMPT = "walk like a duck " * 589  # 10,000 characters and a few more
 
 
 # --- damaged files
-
-
 def still_clip() -> Clip:
     """Ten frames of the rest pose."""
     rotations = np.tile(np.array([1, 0, 0, 0], np.float32), (10, 31, 1))
@@ -51,24 +47,24 @@ def damaged_bvh(folder: Path) -> Path:
 
 def worm_bvh(folder: Path) -> Path:
     """One chain: no body that could be played."""
-    skeleton = Skeleton(
-        tuple(f"ring{k}" for k in range(9)), tuple(range(-1, 8)), np.full((9, 3), 0.1, np.float32)
-    )
+    names = tuple(f"ring{k}" for k in range(9))
+    skeleton = Skeleton(names, tuple(range(-1, 8)), np.full((9, 3), 0.1, np.float32))
     text = format_bvh(skeleton, {0: np.zeros((2, 3))}, rotations.identity((2, 9)), 60.0)
     (folder / "worm.bvh").write_text(text, encoding="utf-8")
     return folder / "worm.bvh"
 
 
-def damaged_png(folder: Path) -> Path:
-    data = asset_path("terrains/bowl.png").read_bytes()
-    (folder / "cut.png").write_bytes(data[: len(data) // 2])
-    return folder / "cut.png"
+def half_of(asset: str) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        data = asset_path(asset).read_bytes()
+        path = folder / f"cut{Path(asset).suffix}"
+        path.write_bytes(data[: len(data) // 2])
+        return path
+
+    return write
 
 
-def damaged_glb(folder: Path) -> Path:
-    data = asset_path("character/mannequin.glb").read_bytes()
-    (folder / "cut.glb").write_bytes(data[: len(data) // 2])
-    return folder / "cut.glb"
+damaged_png, damaged_glb = half_of("terrains/bowl.png"), half_of("character/mannequin.glb")
 
 
 def text_file(name: str) -> Callable[[Path], Path]:
@@ -127,8 +123,6 @@ def flipped_bit(name: str) -> Callable[[Path], Path]:
 
 
 # --- the command line
-
-
 def check_sentence(error: str, *words: str) -> None:
     """One line on stderr that names what is wrong and what to do."""
     assert error.startswith("sport: ")
@@ -140,21 +134,12 @@ def check_sentence(error: str, *words: str) -> None:
 
 
 MODELS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
-    "version": (
-        model_with(layout_version=99),
-        ("metadata.json", "layout_version", "99", "Export the model again"),
-    ),
+    "version": (model_with(layout_version=99), ("metadata.json", "layout_version", "99", "Export the model again")),
     "no version": (model_with(layout_version=None), ("metadata.json", "layout_version", "Export")),
-    "format": (
-        model_with(format="other"),
-        ("metadata.json", "not the metadata of a SPORT model", "another model"),
-    ),
+    "format": (model_with(format="other"), ("metadata.json", "not the metadata of a SPORT model", "another model")),
     "skeleton": (model_with(joints=["Hips"]), ("metadata.json", "'joints'", "Install")),
     "config": (model_with(config=[]), ("metadata.json", "'config'", "Install")),
-    "start": (
-        model_with(start={"output": [1.0], "phase": []}),
-        ("metadata.json", "'start.output'", "Install"),
-    ),
+    "start": (model_with(start={"output": [1.0], "phase": []}), ("metadata.json", "'start.output'", "Install")),
     "steps": (model_with(reverse_steps=[{}] * 3), (f"{STEP}.onnx", "'noise'", "Install")),
     "no graph": (model_with_graph("style", None), ("style.onnx", "No such file", "Install")),
     "damaged step": (flipped_bit(STEP), (f"{STEP}.onnx", "damaged", "Install")),
@@ -163,16 +148,31 @@ MODELS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
     "no network": (model_with_graph(STEP, b"hello", signed=True), (f"{STEP}.onnx", "onnxruntime", "Install")),
     "no prompt network": (model_with_graph("prompt", b"hello", signed=True), ("prompt.onnx", "Install")),
     "exchanged": (exchanged_graphs, (f"{STEP}.onnx", "expected x, noise", "Install")),
+}  # fmt: skip
+
+
+GROUNDS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
+    "damaged PNG": (damaged_png, ("cut.png", "not a readable PNG", "Save it again")),
+    "text as PNG": (text_file("map.png"), ("map.png", "not a readable PNG", "Save it again")),
+    "text as NPY": (text_file("map.npy"), ("map.npy", "not a readable NPY", "numpy.save")),
+    "text as mesh": (text_file("map.ply"), ("map.ply", "not a readable mesh", "Export the ground")),
 }
 
 
-@pytest.mark.parametrize("case", MODELS)
-def test_a_damaged_model_is_one_sentence(
-    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("option", "make", "words"),
+    [*(("--model", *case) for case in MODELS.values()), *(("--terrain", *case) for case in GROUNDS.values())],
+    ids=[*MODELS, *GROUNDS],
+)
+def test_a_damaged_model_or_ground_is_one_sentence(
+    option: str,
+    make: Callable[[Path], Path],
+    words: tuple[str, ...],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    make, words = MODELS[case]
     out = tmp_path / "out.bvh"
-    assert cli.main(["generate", "--model", str(make(tmp_path)), "--seconds", "0.1", "--out", str(out)]) == 2
+    assert cli.main(["generate", option, str(make(tmp_path)), "--seconds", "0.1", "--out", str(out)]) == 2
     check_sentence(capsys.readouterr().err, *words)
     assert not out.exists()
 
@@ -205,24 +205,6 @@ def test_a_mistake_is_one_sentence(case: str, tmp_path: Path, capsys: pytest.Cap
     assert not (tmp_path / "out.bvh").exists()
 
 
-GROUNDS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
-    "damaged PNG": (damaged_png, ("cut.png", "not a readable PNG", "Save it again")),
-    "text as PNG": (text_file("map.png"), ("map.png", "not a readable PNG", "Save it again")),
-    "text as NPY": (text_file("map.npy"), ("map.npy", "not a readable NPY", "numpy.save")),
-    "text as mesh": (text_file("map.ply"), ("map.ply", "not a readable mesh", "Export the ground")),
-}
-
-
-@pytest.mark.parametrize("case", GROUNDS)
-def test_a_damaged_ground_is_one_sentence(
-    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    make, words = GROUNDS[case]
-    out = tmp_path / "out.bvh"
-    assert cli.main(["generate", "--terrain", str(make(tmp_path)), "--out", str(out)]) == 2
-    check_sentence(capsys.readouterr().err, *words)
-
-
 VIEW: dict[str, tuple[str, Callable[[Path], Path], tuple[str, ...]]] = {
     "damaged GLB": ("--character", damaged_glb, ("cut.glb", "cut off", "export the file again")),
     "damaged BVH": ("--clip", damaged_bvh, ("cut.bvh", "MOTION", "Export the clip again")),
@@ -245,15 +227,8 @@ def test_the_viewer_ends_with_one_sentence_when_nobody_watches(
 def run_sport(arguments: list[str], **environment: str) -> subprocess.CompletedProcess[str]:
     kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [sys.executable, "-m", "sport", *arguments]
-    return subprocess.run(
-        command,
-        cwd=PROJECT_ROOT,
-        env=kept | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=600,
-    )
+    options = {"cwd": PROJECT_ROOT, "env": kept | environment, "timeout": 600}
+    return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems always have a display")
@@ -261,9 +236,8 @@ def run_sport(arguments: list[str], **environment: str) -> subprocess.CompletedP
 def test_without_a_display(display: dict[str, str]) -> None:
     done = run_sport([], **display)
     assert done.returncode == 2
-    check_sentence(
-        done.stderr, "No window can be opened", "DISPLAY" if not display else ":4711", "--offscreen"
-    )
+    screen = "DISPLAY" if not display else ":4711"
+    check_sentence(done.stderr, "No window can be opened", screen, "--offscreen")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="how libraries are found differs")
@@ -295,13 +269,11 @@ def test_no_metadata_raise_anything_else(tmp_path: Path) -> None:
             except ModelError as error:
                 refused.append(error)
     assert len(refused) > 9 * len(ODD_VALUES)
-    assert all(
-        error.problem.startswith(str(tmp_path / "metadata.json")) and error.remedy for error in refused
-    )
+    begin = str(tmp_path / "metadata.json")
+    assert all(error.problem.startswith(begin) and error.remedy for error in refused)
 
 
 # --- the viewer while a person uses it
-
 IN_THE_VIEWER: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
     "GLB": (damaged_glb, ("cut.glb", "export the file again")),
     "BVH": (damaged_bvh, ("cut.bvh", "Export the clip again")),

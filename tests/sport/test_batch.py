@@ -1,7 +1,5 @@
 """Batches: lists, what is made again and what is not, workers that die, and a real batch killed half way."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -18,6 +16,7 @@ import pytest
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError, UsageError
+from runtime.file_lock import open_locked
 from sport import cli, clips, parser
 from sport.batch import run, work
 from sport.batch.rows import BatchRow, Task, plan, read_rows, sha256
@@ -43,9 +42,8 @@ def lines(folder: Path) -> list[dict[str, Any]]:
 
 
 def test_csv_and_json_lines_say_the_same(tmp_path: Path) -> None:
-    table = write(
-        tmp_path / "a.csv", '\ufeffprompt,--seed,Ground out\r\n"old, frail",3,g.obj\r\n\r\ndrunk,,\r\n'
-    )
+    text = '\ufeffprompt,--seed,Ground out\r\n"old, frail",3,g.obj\r\n\r\ndrunk,,\r\n'
+    table = write(tmp_path / "a.csv", text)
     text = '{"prompt": "old, frail", "seed": 3, "ground-out": "g.obj"}\n\n{"prompt": "drunk", "seed": null}\n'
     found, same = read_rows(table), read_rows(write(tmp_path / "a.jsonl", text))
     assert [row.values for row in found] == [
@@ -236,8 +234,6 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(fake: list[str], tmp
 def test_two_batches_do_not_write_into_one_folder(
     fake: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from runtime.file_lock import open_locked
-
     (tmp_path / "clips").mkdir()
     handle = open_locked(tmp_path / "clips" / ".sport-batch.lock", create=True)
     assert handle is not None

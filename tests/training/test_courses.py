@@ -1,7 +1,5 @@
 """Clips of a model's own traversals: made ground, what is rounded off, and which stretches are kept."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np
@@ -77,8 +75,7 @@ def test_a_knee_that_is_thrown_about_is_rounded_off_and_nothing_else() -> None:
 
 def test_stretches_that_pass_are_kept_with_their_ground() -> None:
     seen: Counter[str] = Counter()
-    walked = upright()
-    (clip,) = kept(walked, "one", seen)
+    (clip,) = kept(upright(), "one", seen)
     assert seen == {"stairs kept": 2}
     assert clip.source == clips.SOURCE
     assert clip.style == "angry"
@@ -123,7 +120,6 @@ def test_a_walk_gets_on_over_stairs(model: MotionModel, monkeypatch: pytest.Monk
 def test_an_obstacle_is_seen_as_what_it_is(kind: ObstacleKind) -> None:
     size = 0.4
     found = obstacle_ahead(obstacle_ground(kind, size), 0.0, 2.0, np.array([0.0, 1.0]), 3.0)
-    assert found is not None
     assert found.kind is kind
     assert found.size == pytest.approx(size, abs=0.06)
 

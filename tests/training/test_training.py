@@ -44,8 +44,7 @@ def test_root_relative_features_do_not_know_where_the_clip_heads(clips, name):
     y = features.split_output(frames.y[middle].astype(np.float32))
     assert y.root == pytest.approx([0.0, SPEED, 0.0], abs=5e-3)
     assert y.trajectory_positions[-1] == pytest.approx([0.0, SPEED * 50 / 60], abs=5e-3)
-    x = frames.x[middle].astype(np.float32)
-    path = x[INPUT["trajectory_positions"]].reshape(12, 2)
+    path = frames.x[middle].astype(np.float32)[INPUT["trajectory_positions"]].reshape(12, 2)
     assert path[:, 1] == pytest.approx(SPEED * features.TRAJECTORY_OFFSETS / 60, abs=5e-3)
     assert y.joint_positions[0] == pytest.approx([0.0, REST_HIPS_HEIGHT, 0.0], abs=5e-3)
     assert np.linalg.norm(y.joint_velocities[0]) == pytest.approx(SPEED, abs=5e-3)
@@ -101,9 +100,8 @@ def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
 
 def test_lanes_restart_at_the_end_of_their_clip(frames):
     end, y = int(frames.last[0]), torch.zeros(1, 473)
-    lanes = RolloutLanes(
-        frames, 1, 1e9, iter([torch.tensor([end - 6]), torch.tensor([40]), torch.tensor([50])])
-    )
+    rows = [torch.tensor([row]) for row in (end - 6, 40, 50)]
+    lanes = RolloutLanes(frames, 1, 1e9, iter(rows))
     seen = []
     for _ in range(9):
         lanes.draw()

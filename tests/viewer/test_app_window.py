@@ -1,7 +1,5 @@
 """The real application without a display (PLATFORM_NULL and EGL): its window, size, scale and options."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -64,21 +62,14 @@ app.close()
 @pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb here")
 def test_a_shown_window_has_scene_and_panels_at_every_size(tmp_path: Path) -> None:
     with display() as (_, name):
-        done = subprocess.run(
-            [sys.executable, "-c", IN_A_WINDOW, str(tmp_path)],
-            env={**os.environ, "DISPLAY": name, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-            capture_output=True,
-            text=True,
-            timeout=600,
-            check=False,
-        )
+        command = [sys.executable, "-c", IN_A_WINDOW, str(tmp_path)]
+        environment = os.environ | {"DISPLAY": name, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("size", [(333, 217), (1921, 1081), (64, 64), (2000, 200)])
-def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
-    app = start()
-    run(app)
+def test_resize_to_odd_sizes(app: App, size: tuple[int, int]) -> None:
     hand.resize(app.window, *size)
     run(app, 3)
     assert app.window.framebuffer.size == size
@@ -111,9 +102,7 @@ def test_saved_frames_without_panels_have_no_status_line_either(
     assert ("Status" in names) == panels
 
 
-def test_minimised_window_draws_nothing_and_comes_back(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    app = start()
-    run(app)
+def test_minimised_window_draws_nothing_and_comes_back(app: App, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = app.frames_shown
     monkeypatch.setattr(app.window, "pixels", (0, 0))
     run(app, 2)
@@ -148,8 +137,7 @@ def test_options_are_checked_before_a_window_opens(options: dict[str, Any]) -> N
         App(ViewOptions(**options), fake_services())
 
 
-def test_frames_are_timed_by_part_and_left_as_they_were(start: Start) -> None:
-    app = start()
+def test_frames_are_timed_by_part_and_left_as_they_were(app: App) -> None:
     times = frames.measure(app, 3)
     assert set(times) == {"frame", "all else", "motion", "scene", "panels", "panels' drawing", "showing"}
     assert all(len(ms) == 3 for ms in times.values())

@@ -1,7 +1,5 @@
 """Settings are in their file a second after they change, whatever becomes of the program then."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess
@@ -13,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.helpers.app_driver import Start, click_on, message, run, run_until
+from tests.helpers.app_driver import do, message, run, run_until
 from viewer.app import App
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
@@ -49,25 +47,20 @@ def written(app: App) -> dict[str, Any]:
     return content
 
 
-def test_a_change_by_mouse_is_in_the_file_a_second_later(start: Start) -> None:
-    app = start()
+def test_a_change_by_mouse_is_in_the_file_a_second_later(app: App) -> None:
     now = [0.0]
     app.kept.active, app.kept.clock, app.jobs.blocking = True, lambda: now[0], False
-    run(app, 3)
-    click_on(app, "Ghosts")
+    do(app, "run 3; click Ghosts")
     assert app.settings.show_ghosts
     now[0] += WRITE_INTERVAL_S
     run_until(app, lambda: written(app).get("show_ghosts") is True)
-    click_on(app, "##settings")
-    click_on(app, "##text size")
-    click_on(app, "Large")
+    do(app, "click ##settings; click ##text size; click Large")
     assert not app.jobs.busy(Slot("settings"))
     now[0] += WRITE_INTERVAL_S
     run_until(app, lambda: written(app).get("text_size") == 1.15)
 
 
-def test_a_run_without_a_display_writes_none(start: Start) -> None:
-    app = start()
+def test_a_run_without_a_display_writes_none(app: App) -> None:
     app.settings.show_ghosts = True
     run(app, 3)
     assert app.end() == 0
@@ -77,7 +70,6 @@ def test_a_run_without_a_display_writes_none(start: Start) -> None:
 def test_a_kill_costs_no_setting_that_was_written(tmp_path: Path) -> None:
     process = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE)
     try:
-        assert process.stdout is not None
         assert process.stdout.readline() == b"changed\n"
         end = time.monotonic() + 60.0
         while not load_settings(tmp_path)[0].show_ghosts:
@@ -128,8 +120,7 @@ def test_a_folder_that_cannot_be_written_is_said_once_and_at_the_end(tmp_path: P
     assert "Choose a folder that can be written" in messages.recent[-1].text
 
 
-def test_what_changed_in_the_last_second_is_written_at_the_end(start: Start) -> None:
-    app = start()
+def test_what_changed_in_the_last_second_is_written_at_the_end(app: App) -> None:
     app.kept.active = True
     run(app, 2)
     app.settings.invert_look = True
@@ -141,8 +132,7 @@ def test_what_changed_in_the_last_second_is_written_at_the_end(start: Start) -> 
 def test_a_damaged_file_is_kept_aside_before_it_is_replaced(content: str, tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_text(content)
     before, _ = load_settings(tmp_path)
-    now = replace(before, height=500)
-    save_settings(now, tmp_path, before)
+    save_settings(replace(before, height=500), tmp_path, before)
     (aside,) = tmp_path.glob(f"{FILE_NAME}.damaged-*")
     assert aside.read_text() == content
     again, problems = load_settings(tmp_path)

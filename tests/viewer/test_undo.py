@@ -1,7 +1,5 @@
 """The real application by mouse and keys: whatever a user made is undone by Ctrl+Z, one thing at a time, and is in the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +16,16 @@ from tests.helpers.app_driver import (
     Start,
     click,
     click_on,
+    do,
     drag,
     drawn,
     message,
     place,
+    point,
     press,
     record,
     run,
+    save_and_leave,
     titles,
 )
 from tests.helpers.foreign_rigs import RIGS
@@ -45,7 +46,6 @@ def play_row(app: App, row: int) -> None:
     """The button of a row that plays its take, and again to pause it."""
     for _ in range(2):
         click(app, *place(app, "row", index=row, share=0.04))
-    assert app.takes.playback is not None
     assert app.takes.playback.number == app.editor.session.takes[row].number
     assert not app.takes.playback.playing
 
@@ -60,7 +60,6 @@ def menu(app: App, row: int, *entries: str) -> None:
 
 def undo(app: App) -> None:
     press(app, "ctrl", "z")
-    run(app, 2)
 
 
 def trims(app: App) -> list[tuple[int, int]]:
@@ -69,10 +68,7 @@ def trims(app: App) -> list[tuple[int, int]]:
 
 def saved_and_opened(app: App, path: Path) -> Session:
     """Saved, left, and opened again."""
-    app.sessions.save_as(path)
-    run(app, 2)
-    app.sessions.new()
-    run(app, 2)
+    save_and_leave(app, path)
     assert not app.editor.session.takes
     app.sessions.open(path)
     run(app, 3)
@@ -80,22 +76,15 @@ def saved_and_opened(app: App, path: Path) -> Session:
 
 
 # --- trims
-
-
 @pytest.mark.parametrize("then", ["another plays", "live", "opened"])
-def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
-    start: Start, tmp_path: Path, then: str
-) -> None:
-    app = start()
-    record(app, 40)
-    record(app, 40)
+def test_undo_takes_the_trim_back_whatever_was_looked_at_since(app: App, tmp_path: Path, then: str) -> None:
+    do(app, "record 40; record 40")
     play_row(app, 0)
     trim_start(app, 0.5)
     if then == "another plays":
         play_row(app, 1)
     elif then == "live":
-        press(app, "escape")
-        run(app, 5)
+        do(app, "key escape; run 5")
     else:
         saved_and_opened(app, tmp_path / "a.sport")
     undo(app)
@@ -105,39 +94,31 @@ def test_undo_takes_the_trim_back_whatever_was_looked_at_since(
     assert trims(app)[0][0] >= 17
 
 
-def test_one_drag_of_a_handle_is_one_step(start: Start) -> None:
-    app = start()
+def test_one_drag_of_a_handle_is_one_step(app: App) -> None:
     record(app, 40)
     play_row(app, 0)
     steps = app.editor.history.present.number
     y, xs = place(app, "##timeline")[1] + 7.0, [place(app, "##timeline", share=k / 20)[0] for k in range(11)]
-    hand.mouse(app.window, xs[0] + 2.0, y)
-    run(app, 2)
+    point(app, xs[0] + 2.0, y)
     for x in xs:
         hand.mouse(app.window, x + 2.0, y, 0, True)
         run(app)
     assert app.editor.history.present.number == steps, "it is no step while the mouse holds it"
-    hand.mouse(app.window, xs[-1] + 2.0, y, 0, False)
-    run(app, 2)
+    point(app, xs[-1] + 2.0, y, 0, False)
     assert app.editor.history.present.number == steps + 1
 
 
 # --- the list
-
-
-def test_a_removal_leaves_what_plays_alone(start: Start) -> None:
-    app = start()
+def test_a_removal_leaves_what_plays_alone(app: App) -> None:
     for _ in range(3):
         record(app, 10)
     play_row(app, 2)
     menu(app, 0, "Delete")
-    assert app.takes.playback is not None
     assert app.takes.playback.take.title == "Take 3"
     assert app.editor.session.selected == 3
 
 
-def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(app: App, tmp_path: Path) -> None:
     for _ in range(3):
         record(app, 10)
     menu(app, 0, "Color", "Green")
@@ -158,16 +139,12 @@ def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(start: Start, tm
 
 
 # --- pins, keys, path
-
-
-def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> None:
-    app = start()
+def test_undo_removes_the_camera_key_and_not_the_pin_before_it(app: App) -> None:
     record(app, 40)
     play_row(app, 0)
     for entry in ("Left hand", "Camera key"):
         click_on(app, "+ Pin")
         click_on(app, entry)
-        run(app, 2)
     take = app.editor.session.takes[0]
     assert (len(take.poses.pins), len(take.cameras)) == (1, 1)
     undo(app)
@@ -178,14 +155,9 @@ def test_undo_removes_the_camera_key_and_not_the_pin_before_it(start: Start) -> 
 
 
 # --- body and ground
-
-
 def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: Start, tmp_path: Path) -> None:
     app = start(services={"load_character": services.load_character})
-    run(app, 2)
-    click_on(app, "Files, body, links")
-    click_on(app, "Mannequin")
-    run(app, 2)
+    do(app, "run 2; click Files, body, links; click Mannequin")
     begin, end = (place(app, "##shape height", share=share) for share in (0.5, 0.2))
     steps = app.editor.history.present.number
     drag(app, begin, end)
@@ -207,10 +179,7 @@ def test_the_unit_of_a_character_is_chosen_and_undone(start: Start, tmp_path: Pa
     app.open_files([RIGS["centimetres"](tmp_path / "rig.glb")])
     run(app, 6)
     guessed = app.scene.size
-    click_on(app, "Files, body, links")
-    click_on(app, "##character unit")
-    click_on(app, "Unit: inches")
-    run(app, 4)
+    do(app, "click Files, body, links; click ##character unit; click Unit: inches; run 4")
     assert app.scene.size == pytest.approx(2.54 * guessed)
     saved_and_opened(app, tmp_path / "a.sport")
     assert app.scene.size == pytest.approx(2.54 * guessed)
@@ -232,17 +201,13 @@ def shown_ground(app: App) -> str:
     return shown["##terrain"]
 
 
-def test_the_scene_panel_names_the_ground_of_the_take_that_plays(start: Start) -> None:
-    app = start()
-    record(app, 40)
-    app.scene.load_terrain("hills")
-    run(app, 2)
+def test_the_scene_panel_names_the_ground_of_the_take_that_plays(app: App) -> None:
+    do(app, "record 40; ground hills; run 2")
     assert shown_ground(app).lower() == "hills"
     play_row(app, 0)
     assert shown_ground(app).lower() == "flat"
     assert app.scene.renderer.terrain.name == "flat"
     press(app, "escape")
-    run(app, 2)
     assert shown_ground(app).lower() == "hills"
     undo(app)
     assert shown_ground(app).lower() == "flat"
@@ -254,11 +219,9 @@ def test_the_scene_panel_names_the_ground_under_a_file(start: Start, tmp_path: P
     clip = Clip("walk", 60.0, *walk(90), terrain="stairs" if named else "flat")
     save_motion(clip, tmp_path / "walk.glb", ExportOptions(), load_terrain(clip.terrain))
     app = start()
-    app.scene.load_terrain("hills")
-    run(app, 2)
+    do(app, "ground hills; run 2")
     open_file(app.takes, tmp_path / "walk.glb")
     run(app, 4)
     wanted = "stairs" if named else "hills"
     assert (shown_ground(app).lower(), app.scene.renderer.terrain.name) == (wanted, wanted)
-    assert app.takes.playback is not None
     assert np.allclose(app.takes.playback.clip.contacts, clip.contacts, atol=1e-3)

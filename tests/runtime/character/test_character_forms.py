@@ -4,8 +4,6 @@
 the image of its KTX2.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil
@@ -47,9 +45,8 @@ def needs(name: str) -> None:
 def test_the_character_is_the_same(name: str) -> None:
     needs(name)
     plain, other = load_character(PLAIN), load_character(FOLDER / name)
-    assert set(zip(other.joint_names, other.sport_joints, strict=True)) == set(
-        zip(plain.joint_names, plain.sport_joints, strict=True)
-    )
+    joints = set(zip(plain.joint_names, plain.sport_joints, strict=True))
+    assert set(zip(other.joint_names, other.sport_joints, strict=True)) == joints
     assert other.size == pytest.approx(plain.size, abs=1e-4)
     at = [read_meshes(open_gltf(path)).rest_positions() for path in (PLAIN, FOLDER / name)]
     assert cKDTree(at[0]).query(at[1])[0].max() < 1e-4, "metres"
@@ -66,8 +63,7 @@ def test_a_take_of_it_is_plain_gltf(name: str, tmp_path: Path) -> None:
     assert set(document.get("extensionsUsed", [])) <= {"KHR_mesh_quantization"}
     assert all(image["mimeType"] in ("image/png", "image/jpeg") for image in document["images"])
     assert all(isinstance(texture["source"], int) for texture in document["textures"])
-    again = load_character(path)
-    assert len(again.positions) == len(load_character(FOLDER / name).positions)
+    assert len(load_character(path).positions) == len(load_character(FOLDER / name).positions)
 
 
 def test_colours_of_an_image_in_basis_universal_are_its_own() -> None:

@@ -1,7 +1,5 @@
 """A guess of joints is believed only where geometry agrees: bones of a limb, sides, two legs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -53,19 +51,15 @@ def tree_of(points: Points) -> tuple[JointTree, tuple[str, ...]]:
 
 def test_a_thigh_begins_behind_the_buttock(tmp_path: Path) -> None:
     guess = joints_of(write_odd(tmp_path / "odd.glb", BUTTOCKS))
-    assert [guess.names[guess.found[j]] for j in ("LeftUpLeg", "LeftLeg", "LeftFoot")] == [
-        "L t",
-        "L k",
-        "L n",
-    ]
+    found = [guess.names[guess.found[j]] for j in ("LeftUpLeg", "LeftLeg", "LeftFoot")]
+    assert found == ["L t", "L k", "L n"]
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["CMU's names", "no known names"])
 def test_knees_of_43_joints_bend_as_in_the_file(tmp_path: Path, known: bool) -> None:
     tree, names = tree_of(BUTTOCKS)
-    offsets = tree.positions - np.where(
-        np.array(tree.parents)[:, None] >= 0, tree.positions[list(tree.parents)], 0.0
-    )
+    above = tree.positions[list(tree.parents)]
+    offsets = tree.positions - np.where(np.array(tree.parents)[:, None] >= 0, above, 0.0)
     daz = {"a": "hip", "b": "abdomen", "c": "chest", "d": "neck", "e": "head", "L o": "lButtock", "L t": "lThigh",
            "L k": "lShin", "L n": "lFoot", "L c": "lCollar", "L s": "lShldr", "L f": "lForeArm", "L h": "lHand"}  # fmt: skip
     daz |= {"R" + key[1:]: "r" + name[1:] for key, name in daz.items() if key.startswith("L ")}
@@ -164,12 +158,10 @@ def test_bones_that_cannot_be_a_leg_are_named(tmp_path: Path) -> None:
     both = names | {"R" + key[1:]: "Right" + name[4:] for key, name in names.items() if key.startswith("L")}
     lame = {**PLAIN, "L k": ("L j", (0.08, 0.09, 0)), "L l": ("L k", (0.08, 0.05, 0.0))}
     lame |= {"R k": ("R j", (-0.08, 0.09, 0)), "R l": ("R k", (-0.08, 0.05, 0.0))}
-    path = write_odd(tmp_path / "lame.glb", lame, both)
-    guess = joints_of(path)
+    guess = joints_of(write_odd(tmp_path / "lame.glb", lame, both))
     assert guess.names[guess.found["LeftLeg"]] != "LeftLeg" or "LeftLeg" in guess.missing
     tree, order = tree_of(lame)
-    told = {name: order.index(key) for key, name in both.items()}
-    reasons = refusals(told, tree)
+    reasons = refusals({name: order.index(key) for key, name in both.items()}, tree)
     assert set(reasons) == {"LeftLeg", "RightLeg"}
     assert "% of the length" in reasons["LeftLeg"]
 
@@ -182,9 +174,8 @@ def test_sides_that_do_not_fit_the_toes_are_not_believed() -> None:
     right = {joint: names.index(name) for joint, name in told.items()}
     assert refusals(right, tree) == {}
     assert not on_four_legs(right, tree)
-    crossed = right | {
-        joint: right[_other(joint)] for joint in right if joint[4:] in ("Arm", "ForeArm") or "Hand" in joint
-    }
+    arms = [joint for joint in right if joint[4:] in ("Arm", "ForeArm") or "Hand" in joint]
+    crossed = right | {joint: right[_other(joint)] for joint in arms}
     assert set(refusals(crossed, tree)) == {"LeftArm", "RightArm"}
     mirrored = {_other(joint): k for joint, k in right.items()}
     assert {"LeftUpLeg", "RightUpLeg"} <= set(refusals(mirrored, tree))

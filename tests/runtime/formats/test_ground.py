@@ -1,7 +1,5 @@
 """The ground as triangles: where the take stands on it, in the take's unit, and read back as the same ground."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,14 +47,12 @@ def test_feet_stand_on_the_ground_beside_the_take(
     _, ground = save_motion(clip, tmp_path / "take.bvh", options, HILLS)
     assert ground == f"{target}: ground hills in {unit}"
     mesh = trimesh.load(str(target), force="mesh", process=False)
-    back = load_clip_bvh(tmp_path / "take.bvh")
-    hips = back.hips_positions[::40].astype(float) * scale
+    hips = load_clip_bvh(tmp_path / "take.bvh").hips_positions[::40].astype(float) * scale
     wanted = HILLS.height(clip.hips_positions[::40, 0], clip.hips_positions[::40, 2])
     over = clip.hips_positions[::40, 1] - wanted
     assert np.allclose(hips[:, 1] - heights_under(mesh, hips), over * scale, atol=0.04 * scale)
-    up = np.cross(*(np.asarray(mesh.triangles)[:, k] - np.asarray(mesh.triangles)[:, 0] for k in (1, 2)))[
-        :, 1
-    ]
+    corners = np.asarray(mesh.triangles)
+    up = np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2)))[:, 1]
     assert (up > 0).all(), "counter-clockwise from above"
 
 
@@ -84,10 +80,9 @@ def test_a_level_ground_is_two_triangles_and_a_large_one_is_cut(
 
 
 def test_no_ground_beside_a_take_that_does_not_go_over_it(clip: Clip, tmp_path: Path) -> None:
+    options = ExportOptions(in_place=True, ground_out=tmp_path / "g.obj")
     with pytest.raises(UsageError, match="in_place"):
-        save_motion(
-            clip, tmp_path / "t.bvh", ExportOptions(in_place=True, ground_out=tmp_path / "g.obj"), HILLS
-        )
+        save_motion(clip, tmp_path / "t.bvh", options, HILLS)
     with pytest.raises(UsageError, match=r"ground_out .*expected \.obj or \.glb"):
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(ground_out=tmp_path / "g.stl"), HILLS)
     with pytest.raises(UsageError, match=r"\.glb, \.fbx, \.usdz, \.usd have it"):
@@ -111,5 +106,4 @@ def test_a_clip_is_put_on_the_ground_of_its_metadata(clip: Clip, tmp_path: Path)
 
 def test_the_lowest_sole_is_the_ground_where_none_is_known(clip: Clip) -> None:
     take = prepare(clip, ExportOptions(at_origin=True))
-    lowest = joint_heights(take.clip.world()[0], Terrain.flat()).min()
-    assert -0.02 < lowest < 0.1
+    assert -0.02 < joint_heights(take.clip.world()[0], Terrain.flat()).min() < 0.1

@@ -1,7 +1,5 @@
 """A BVH of another skeleton plays as reference on ours, and an opened take lies on its own ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +18,9 @@ from runtime.takes.metadata import PromptEvent
 from runtime.terrain.files import write_height_png
 from runtime.terrain.library import load_terrain
 from sport import cli
-from tests.helpers.app_driver import Start, message, run
+from tests.helpers.app_driver import Start, do, message, run
 from tests.helpers.walker import walk
+from viewer.app import App
 
 TURNS = {  # of the axes of a file
     "as ours": rotations.identity(),
@@ -61,16 +60,14 @@ def test_another_skeleton_moves_ours_as_it_moved(tmp_path: Path, axes: str, stan
     wanted, _ = SPORT_SKELETON.forward_kinematics(hips - hips[0] * (1, 0, 1), local)
     if axes == "facing +X":  # it goes on as it went in its file
         wanted = rotations.rotate(TURNS[axes], wanted)
-    shown = reference.clip.world()[0][1:]
-    gap = shown - wanted
+    gap = reference.clip.world()[0][1:] - wanted
     assert np.abs(gap[..., [0, 2]]).max() < 2e-3
     assert np.ptp(gap[..., 1]) < 2e-3
     assert abs(gap[..., 1]).max() < 0.05  # its soles are put on the ground
 
 
 def test_joints_are_named_beside_the_file(tmp_path: Path) -> None:
-    names = tuple(f"n{k}" for k in range(31))
-    path = foreign(tmp_path / "other.bvh", TURNS["as ours"], names)
+    path = foreign(tmp_path / "other.bvh", TURNS["as ours"], tuple(f"n{k}" for k in range(31)))
     told = open_take(path).reference
     assert told.origin == "tree and rest pose"
     save_joint_map(path, {"LeftHand": "n21"})
@@ -90,9 +87,8 @@ def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_pa
     names = tuple("tail" if "Leg" in name else f"m{k}" for k, name in enumerate(SPORT_SKELETON.names))
     path = tmp_path / "worm.bvh"
     skeleton = Skeleton(names, (-1, *range(30)), np.tile(np.float32([0, 0, 0.1]), (31, 1)))
-    path.write_text(
-        format_bvh(skeleton, {0: np.zeros((2, 3))}, rotations.identity((2, 31)), 60.0), encoding="utf-8"
-    )
+    text = format_bvh(skeleton, {0: np.zeros((2, 3))}, rotations.identity((2, 31)), 60.0)
+    path.write_text(text, encoding="utf-8")
     app.open_files([path])
     run(app, 2)
     assert "cannot be played as reference" in message(app)
@@ -107,19 +103,16 @@ def take(path: Path, terrain: str, moved: bool = False) -> Path:
     return save_bvh(clip, path)
 
 
-def test_an_opened_take_lies_on_its_ground(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_an_opened_take_lies_on_its_ground(app: App, tmp_path: Path) -> None:
     for moved in (False, True):
         app.scene.load_terrain("flat")
         app.open_files([take(tmp_path / f"up{moved}.bvh", "hills", moved)])
         run(app, 2)
         assert "on the ground hills" in message(app)
         playback = app.takes.playback
-        assert playback is not None
         assert playback.terrain.name == "hills"
         assert app.scene.renderer.terrain is playback.terrain
-        app.takes.close_playback()
-        run(app)
+        do(app, "close; run 1")
         assert app.scene.renderer.terrain is app.scene.terrain  # the live one is back
         assert app.scene.terrain_spec == "flat"
         assert np.allclose(playback.clip.hips_positions, walk(60)[0], atol=1e-3)

@@ -1,7 +1,5 @@
 """Options of an export: where a take stands, what is left of its way, and that nothing of it is lost on the way back."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -77,16 +75,14 @@ def test_a_take_in_place_keeps_its_root_still_when_it_is_written_again(tmp_path:
     save_motion(moved_walk(), tmp_path / "a.bvh", ExportOptions(in_place=True, ground_root=True))
     again = load_clip_bvh(tmp_path / "a.bvh")
     save_motion(again, tmp_path / "b.bvh", ExportOptions(ground_root=True))
-    root = read_bvh(tmp_path / "b.bvh").positions[:, 0]
-    assert np.abs(root).max() < 1e-3
+    assert np.abs(read_bvh(tmp_path / "b.bvh").positions[:, 0]).max() < 1e-3
     assert np.abs(load_clip_bvh(tmp_path / "b.bvh").world()[0] - again.world()[0]).max() < 1e-3
 
 
 def test_in_place_on_a_hill_stays_on_one_level() -> None:
     hips, local, contacts = walk(700, terrain=HILLS)
-    take = prepare(
-        Clip("up", 60.0, hips, local, contacts, terrain="hills"), ExportOptions(in_place=True), HILLS
-    )
+    clip = Clip("up", 60.0, hips, local, contacts, terrain="hills")
+    take = prepare(clip, ExportOptions(in_place=True), HILLS)
     assert np.ptp(hips[:, 1]) > 0.25
     assert np.ptp(take.clip.hips_positions[:, 1]) < 0.6 * np.ptp(hips[:, 1])
 
@@ -151,9 +147,8 @@ def test_a_take_that_was_moved_finds_its_ground_again(tmp_path: Path) -> None:
     assert moved.placed != (0.0, 0.0, 0.0, 0.0)
     assert np.allclose(on_its_ground(moved).world()[0], clip.world()[0], atol=1e-3)
     again = prepare(moved, ExportOptions(), HILLS)
-    assert np.allclose(again.clip.world()[0], moved.world()[0], atol=1e-3), (
-        "it stays where it was exported to"
-    )
+    # it stays where it was exported to
+    assert np.allclose(again.clip.world()[0], moved.world()[0], atol=1e-3)
 
 
 def test_gaits_and_typed_prompts_come_back(tmp_path: Path) -> None:

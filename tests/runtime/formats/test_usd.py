@@ -1,7 +1,5 @@
 """USD: read back by OpenUSD's own skinning, validated by its validators, and a clear sentence where it is not there."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 from dataclasses import replace
@@ -80,9 +78,8 @@ def test_the_validators_find_nothing(suffix: str, tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(path))
     errors = UsdValidation.ValidationContext(validators).Validate(stage)
     assert [(error.GetName(), error.GetMessage()) for error in errors] == []
-    textures = [
-        prim for prim in stage.Traverse() if UsdShade.Shader(prim).GetIdAttr().Get() == "UsdUVTexture"
-    ]
+    shaders = [(prim, UsdShade.Shader(prim).GetIdAttr().Get()) for prim in stage.Traverse()]
+    textures = [prim for prim, kind in shaders if kind == "UsdUVTexture"]
     assert bool(textures) == (suffix == ".usdz")
     assert all(prim.GetAttribute("inputs:file").Get().resolvedPath for prim in textures)
     (marker,) = json.loads(stage.GetDefaultPrim().GetCustomDataByKey("sport")["markers"])

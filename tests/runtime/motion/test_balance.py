@@ -1,7 +1,5 @@
 """Balance over a stride: what an inverted pendulum lacks is learnt by phase, and where it is not steady nothing moves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -37,15 +35,12 @@ def _glider(seconds: float, sway: float = 0.0) -> list[tuple[np.ndarray, tuple[b
             own = 0.5 * (steps + k)
             whole, of_stride = divmod(own, 1.0)
             swing = max(2.0 * of_stride - 1.0, 0.0)
-            place = (
-                2.0 * SPEED / STEPS_PER_S * (whole + 0.5 * (1 - np.cos(np.pi * swing)) + 0.25)
-                - k * SPEED / STEPS_PER_S
-            )
+            done = 2.0 * (whole + 0.5 * (1 - np.cos(np.pi * swing)) + 0.25) - k
+            place = done * SPEED / STEPS_PER_S
             side = 0.09 * (1 - 2 * k)
             joints[ANKLES[k]] = side, 0.08, place - 0.06
             joints[TOES[k]] = side, 0.04, place + 0.06
-        stands = ((0.5 * steps) % 1.0 < 0.5, (0.5 * (steps + 1)) % 1.0 < 0.5)
-        frames.append((joints, stands))
+        frames.append((joints, ((0.5 * steps) % 1.0 < 0.5, (0.5 * (steps + 1)) % 1.0 < 0.5)))
     return frames
 
 
@@ -63,9 +58,8 @@ def _driven(
         shown[:, [0, 2]] += legs[:, None] * shift
         way = np.array([[0.0, SPEED]])
         goes = steady if isinstance(steady, bool) else number < steady
-        shift = balance.update(
-            shown[None].astype(np.float32), np.zeros(1), way, [stands], [goes], [composed]
-        )[0]
+        posed = shown[None].astype(np.float32)
+        shift = balance.update(posed, np.zeros(1), way, [stands], [goes], [composed])[0]
         shifts.append(shift)
     return balance, np.array(shifts)
 

@@ -1,7 +1,5 @@
 """Blends whose change is even: shares of a pair of styles are measured, kept, and used by sliders and commands."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -14,8 +12,9 @@ from runtime.motion.style import LINEAR, StyleMix, even_weights, turned_round
 from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.prompter import Prompter
 from runtime.session.prompt_blend import Side
-from tests.helpers.app_driver import Start, run
+from tests.helpers.app_driver import run
 from tests.helpers.shipped import shipped_model, shipped_prompter
+from viewer.app import App
 
 ONE = st.floats(0.0, 1.0)
 RISING = st.lists(ONE, min_size=1, max_size=11).map(lambda inner: (0.0, *sorted(inner), 1.0))
@@ -75,8 +74,7 @@ def test_a_prompter_measures_a_pair_once(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(asked) == 1  # no part is of both
 
 
-def test_a_slider_becomes_even_while_the_character_walks(start: Start) -> None:
-    app = start()
+def test_a_slider_becomes_even_while_the_character_walks(app: App) -> None:
     asked: list[tuple[object, object]] = []
 
     def measure(a: object, b: object) -> tuple[float, ...]:

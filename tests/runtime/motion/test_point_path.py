@@ -1,7 +1,5 @@
 """Paths of points: followed on every leg with its gait, to the end, and given up where there is no way on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,9 +28,8 @@ def slide(walk: PathWalk, seconds: float, metres_per_second: float = 1.4) -> lis
 
 
 def test_every_leg_has_its_gait_and_the_crossing_is_not_cut() -> None:
-    path = PointPath(
-        (Waypoint(0.0, 6.0), Waypoint(3.0, 3.0, 0.5, Gait.CROUCH), Waypoint(-3.0, 3.0, 1.0, Gait.JOG))
-    )
+    points = Waypoint(0.0, 6.0), Waypoint(3.0, 3.0, 0.5, Gait.CROUCH), Waypoint(-3.0, 3.0, 1.0, Gait.JOG)
+    path = PointPath(points)
     walk = path.walk_from(HERE)
     rows = slide(walk, 20.0)
     assert walk.arrived
@@ -68,8 +65,7 @@ def test_what_is_no_path_is_refused() -> None:
 
 def test_the_character_follows_it() -> None:
     controller = Controller(shipped_model(), Terrain.flat())
-    points = (Waypoint(0.0, 2.0), Waypoint(1.5, 2.0))
-    walk = PointPath(points).walk_from(HERE)
+    walk = PointPath((Waypoint(0.0, 2.0), Waypoint(1.5, 2.0))).walk_from(HERE)
     pose, places = controller.pose, []
     for frame in range(60 * 12):
         x, _, z = (float(v) for v in pose.root_position)

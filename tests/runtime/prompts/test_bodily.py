@@ -1,7 +1,5 @@
 """What says nothing about a body is answered with neutral walking and says so; what is only odd is not."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +13,7 @@ from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.library_data import load_library, load_styles
 from tests.helpers.shipped import shipped_encoder, shipped_library
+from tests.helpers.tables import table
 
 
 def prompts_of(name: str) -> list[str]:
@@ -45,41 +44,13 @@ def test_few_prompts_about_nothing_are_taken_for_a_walk(name: str, most: int) ->
     assert len(missed) <= most, missed
 
 
-@pytest.mark.parametrize(
-    "prompt",
-    [
-        "the stock market fell",
-        "blue",
-        "42",
-        "asdf qwer",
-        "quarterly report",
-        "invoice number 4711",
-        "🙂",
-        "SELECT * FROM users",
-        "what time is it?",
-    ],
-)
+@pytest.mark.parametrize("prompt", table(__file__, "nothing_bodily_is_neutral_and_says_so"))
 def test_nothing_bodily_is_neutral_and_says_so(prompt: str) -> None:
     assert is_neutral(prompt)
     assert "neutral" in expander().expand(prompt).note
 
 
-@pytest.mark.parametrize(
-    "prompt",
-    [
-        "疲れた兵士",
-        "пьяный матрос",
-        "راقصة باليه",
-        "un soldat épuisé",
-        "ein müder alter Mann",
-        "un hombre cansado",
-        "una donna molto stanca",
-        "een oude man met een stok",
-        "gammal trött man",
-        "bardzo stary człowiek",
-        "orang tua yang lelah",
-    ],
-)
+@pytest.mark.parametrize("prompt", table(__file__, "other_languages_are_neutral_and_named"))
 def test_other_languages_are_neutral_and_named(prompt: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(other_languages, "open_e5", lambda: None)
     alone = LibraryExpander(shipped_encoder()).expand(prompt)
@@ -94,8 +65,7 @@ def test_with_a_multilingual_encoder_the_nearest_entry_is_taken(monkeypatch: pyt
     content = load_library(folder / "library.json", load_styles(folder / "styles.json"))
     clown = next(i for i, entry in enumerate(content.entries) if entry.prompt == "clown")
     with np.load(folder / other_languages.FILE) as data:
-        row = list(data["entry_of"]).index(clown)
-        vector = data["prompts"][row].astype(np.float32) + 0.0
+        vector = data["prompts"][list(data["entry_of"]).index(clown)].astype(np.float32) + 0.0
         mean = data["mean"]
         query = mean + 0.2 * vector / np.linalg.norm(vector)
     encoder = SimpleNamespace(query=lambda prompt: query if "Narr" in prompt else 2 * mean - query)

@@ -1,7 +1,5 @@
 """What captures say of words: captions ask of a walk its lean, phrases what their clips show, and the rest is written by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -62,7 +60,6 @@ def test_jogs_lean_forward_unless_words_say_otherwise(torso: str) -> None:
 
 def test_a_phrase_means_what_was_measured_and_another_what_is_written() -> None:
     measured = captured().phrase("torso", "leaning forward", "lean")
-    assert measured is not None
     assert measured[WALK] is not None
     asked = edit_targets(replace(PLAIN, torso="torso leaning forward like a plough"))[WALK, ROW_TRUNK, LEAN]
     low, high = measured[WALK]
@@ -77,9 +74,8 @@ def test_a_gesture_that_was_captured_standing_is_no_caption_of_a_walk() -> None:
 
 def test_a_long_clause_of_one_style_is_measured_by_it_and_a_short_one_by_none() -> None:
     rows = {"left_arm": {"swing": (0.1, 0.2), "hand_range": (0.3, 0.4)}}
-    clauses = {
-        ("left_arm", text): frozenset({"odd"}) for text in ("held quite still like wood", "held still")
-    }
+    texts = ("held quite still like wood", "held still")
+    clauses = {("left_arm", text): frozenset({"odd"}) for text in texts}
     found = CapturedPhrases({"odd": {"walk": rows}}, clauses=clauses)
     assert found.clause("left_arm", "held quite still like wood", "swing") == ((0.1, 0.2), None, None)
     assert found.clause("left_arm", "held still", "swing") is None
@@ -92,8 +88,7 @@ def test_a_long_clause_of_one_style_is_measured_by_it_and_a_short_one_by_none() 
 def test_a_damaged_file_is_named(tree: object, monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:  # type: ignore[no-untyped-def]
     (tmp_path / "phrase_measures.json").write_text(json.dumps(tree))
     own = asset_path("prompts/styles.json")
-    monkeypatch.setattr(
-        module, "asset_path", lambda name: own if "styles" in name else tmp_path / "phrase_measures.json"
-    )
+    measures = tmp_path / "phrase_measures.json"
+    monkeypatch.setattr(module, "asset_path", lambda name: own if "styles" in name else measures)
     with pytest.raises(FileError, match="phrase_measures"):
         captured.__wrapped__()

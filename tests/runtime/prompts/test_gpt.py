@@ -1,7 +1,5 @@
 """Prompts expanded by a language model, against a real HTTP server on loopback that behaves well and badly."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import logging
@@ -38,9 +36,8 @@ from tests.helpers.gpt_endpoint import (
     trickle_headers,
 )
 
-# what is asked
 
-
+# --- what is asked
 def test_a_good_answer_becomes_the_six_descriptions(endpoint, expander_of):
     expansion = expander_of(endpoint).expand("  un vieux roi \n très fier ")
     assert expansion == Expansion(PROUD, "gpt")
@@ -86,9 +83,7 @@ def test_a_damaged_vocabulary_is_named(tmp_path, content):
         load_structured_prompt(path)
 
 
-# answers that need correction
-
-
+# --- answers that need correction
 @pytest.mark.parametrize(
     "answer",
     [
@@ -102,6 +97,7 @@ def test_json_in_wrapping_is_taken_out(endpoint, expander_of, answer):
     assert len(endpoint.requests) == 1
 
 
+FRENCH = "le bras gauche pend mollement le long du corps"
 BAD = {
     "prose": (PROSE, "prose"),
     "five parts": (json.dumps(FIVE), "head"),
@@ -113,10 +109,7 @@ BAD = {
     "a list": ("[1, 2]", "prose"),
     "nothing": ("", "empty"),
     "endless": ("{" + " " * 9000, "characters"),
-    "French": (
-        json.dumps(dict.fromkeys(PART_NAMES, "le bras gauche pend mollement le long du corps")),
-        "English",
-    ),
+    "French": (json.dumps(dict.fromkeys(PART_NAMES, FRENCH)), "English"),
     "Chinese": (json.dumps(dict.fromkeys(PART_NAMES, "左臂无力地垂在身侧")), "English"),
 }
 
@@ -148,8 +141,7 @@ def test_an_endpoint_without_schemas_is_asked_for_plain_json(endpoint, expander_
     assert ["response_format" in body for body in endpoint.bodies] == [True, False, False]
 
 
-# failures of the endpoint
-
+# --- failures of the endpoint
 FAILURES = {
     "slow": (late(LONG), "no answer within"),
     "trickling": (trickle, "no answer within"),
@@ -181,11 +173,8 @@ def test_the_library_answers_instead_and_says_why(endpoint, expander_of, caplog,
     with caplog.at_level(logging.DEBUG):
         expansion = FallbackExpander(gpt, Library()).expand("a proud king")
     assert endpoint.waited_out == 0
-    assert (expansion.source, expansion.descriptions, expansion.nearest) == (
-        "library",
-        DRUNK,
-        (("drunk", 0.9),),
-    )
+    found = (expansion.source, expansion.descriptions, expansion.nearest)
+    assert found == ("library", DRUNK, (("drunk", 0.9),))
     assert re.search(reason, expansion.note)
     assert expansion.note.endswith("The library answered. Near enough.")
     assert KEY not in expansion.note + caplog.text
@@ -207,13 +196,6 @@ def test_rate_limits_are_waited_out_as_long_as_they_ask(endpoint, expander_of):
     assert second - first >= 0.3
 
 
-def test_a_wait_that_is_too_long_is_not_begun(endpoint, expander_of):
-    endpoint.script = [fail(429, headers={"Retry-After": "60"})]
-    with pytest.raises(PromptError, match="60 s"):
-        expander_of(endpoint).expand("proud")
-    assert len(endpoint.requests) == 1
-
-
 def test_server_errors_are_retried_with_growing_waits(endpoint, expander_of):
     endpoint.script = [fail(503)]
     with pytest.raises(PromptError, match="503"):
@@ -230,11 +212,21 @@ def test_passing_failures_pass(endpoint, expander_of):
     assert len(endpoint.requests) == 3
 
 
-def test_the_deadline_ends_retries(endpoint, expander_of):
-    endpoint.script = [fail(500)]
-    with pytest.raises(PromptError, match=r"500|no answer"):
-        expander_of(endpoint, attempts=10, backoff_s=0.1, deadline_s=0.4).expand("proud")
-    assert len(endpoint.requests) < 4  # 0.1 + 0.2 + 0.4 s is beyond it
+@pytest.mark.parametrize(
+    ("behave", "limits", "said", "most"),
+    [
+        (fail(429, headers={"Retry-After": "60"}), {}, "60 s", 1),
+        (fail(500), {"attempts": 10, "backoff_s": 0.1, "deadline_s": 0.4}, "500|no answer", 3),  # 0.1 + 0.2 + 0.4 s
+    ],
+    ids=["a wait that is too long is not begun", "the deadline ends retries"],
+)  # fmt: skip
+def test_no_request_is_made_that_could_not_be_answered_in_time(
+    endpoint, expander_of, behave, limits, said, most
+):
+    endpoint.script = [behave]
+    with pytest.raises(PromptError, match=said):
+        expander_of(endpoint, **limits).expand("proud")
+    assert 1 <= len(endpoint.requests) <= most
 
 
 @pytest.mark.parametrize("drips", [trickle, trickle_headers])
@@ -242,9 +234,8 @@ def test_an_endpoint_that_drips_costs_one_request(endpoint, expander_of, drips):
     endpoint.script = [drips]
     with pytest.raises(PromptError, match="no answer within") as caught:
         expander_of(endpoint, timeout_s=0.3, deadline_s=20.0, backoff_s=0.01).expand("proud")
-    assert (
-        float(re.findall(r"within ([\d.]+) s", str(caught.value))[0]) < 18.0
-    )  # of the 20 until its deadline
+    within = re.findall(r"within ([\d.]+) s", str(caught.value))
+    assert float(within[0]) < 18.0  # of the 20 until its deadline
     assert len(endpoint.requests) == 1
 
 
@@ -283,6 +274,3 @@ def test_a_cheap_failure_is_tried_again_at_once(endpoint, expander_of):
 def test_retry_after_is_seconds_or_a_date(headers, seconds):
     assert retry_after(headers) == seconds
     assert 3000 < retry_after({"retry-after": formatdate(time.time() + 3600)}) <= 3600
-
-
-# stopping

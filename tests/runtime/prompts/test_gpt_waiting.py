@@ -1,7 +1,5 @@
 """Prompts that are withdrawn, cancelled or replaced while a language model is asked, and who answers meanwhile."""
 
-from __future__ import annotations
-
 import threading
 import time
 
@@ -12,20 +10,10 @@ from runtime.prompts.expander import Expansion, PromptCancelledError
 from runtime.prompts.gpt.expander import FallbackExpander, open_expander
 from runtime.prompts.gpt.settings import GptSettings
 from runtime.prompts.service import PromptWorker
-from tests.helpers.gpt_endpoint import (
-    LONG,
-    PROUD,
-    Encoder,
-    Library,
-    fail,
-    late,
-    say,
-    wait_for,
-)
-
-# what is asked
+from tests.helpers.gpt_endpoint import LONG, PROUD, Encoder, Library, fail, late, say, wait_for
 
 
+# --- what is asked
 def test_a_set_event_ends_the_question_at_once(endpoint, expander_of):
     endpoint.script = [late(LONG)]
     stop = threading.Event()

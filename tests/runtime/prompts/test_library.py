@@ -1,7 +1,5 @@
 """The shipped prompt library: its extent, its vocabulary, its embeddings, and what is said of damaged files."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter
@@ -16,13 +14,7 @@ from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.phrases import PhraseIndex
 from runtime.prompts.english.words import key, words_of
 from runtime.prompts.gpt.prompt import load_structured_prompt
-from runtime.prompts.library_data import (
-    PromptLibrary,
-    load_embeddings,
-    load_library,
-    load_styles,
-    sentences,
-)
+from runtime.prompts.library_data import PromptLibrary, load_embeddings, load_library, load_styles, sentences
 from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import PART_NAMES
 from tests.helpers.shipped import shipped_encoder
@@ -108,14 +100,11 @@ def test_a_name_may_leave_out_who_does_it(library: PromptLibrary) -> None:
         assert phrases.whole(plainly) == phrases.whole(f"somebody {plainly}") == entry
 
 
-# embeddings
-
-
+# --- embeddings
 def test_stored_embeddings_fit_the_shipped_words(library: PromptLibrary) -> None:
     """Fails when library.json or a style changed without `python -m training.text.build_library`."""
     path = PROMPTS / "library.npz"
     stored = load_embeddings(path, library, ENCODER)
-    assert stored is not None
     assert path.stat().st_size < 3_000_000
     network = TextEncoder(stored=False)
     for entry in (5, 250, -1):
@@ -127,9 +116,7 @@ def test_stored_embeddings_fit_the_shipped_words(library: PromptLibrary) -> None
     assert "hoarse" in stored.other_words
 
 
-# a library of one's own
-
-
+# --- a library of one's own
 def _small_library(directory: Path, entries: list[object], **lists: object) -> Path:
     (directory / "styles.json").write_bytes((PROMPTS / "styles.json").read_bytes())
     path = directory / "library.json"

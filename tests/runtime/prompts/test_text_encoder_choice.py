@@ -1,7 +1,5 @@
 """Another text encoder than the shipped one, by its folder: a small stand-in of CLIP's size, and CLIP's tower itself."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path
@@ -11,8 +9,9 @@ import pytest
 
 from runtime.errors import FileError, ModelError
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder, library_encoder, text_encoder_of
+from tests.helpers.graphs import save_graph
 
-onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnx")
 WORDS = ("[START]", "[END]", "left", "right", "arm", "raised", "hanging")
 CLIP = {"name": "stand-in", "dimensions": 512}
 
@@ -23,40 +22,25 @@ def write_tokenizer(path: Path) -> None:
 
     tokenizer = Tokenizer(models.WordLevel({w: k for k, w in enumerate(WORDS)}, unk_token="[END]"))
     tokenizer.pre_tokenizer = pre_tokenizers.Whitespace()
-    tokenizer.post_processor = processors.TemplateProcessing(
-        single="[START] $A [END]", special_tokens=[("[START]", 0), ("[END]", 1)]
-    )
+    marks = {"single": "[START] $A [END]", "special_tokens": [("[START]", 0), ("[END]", 1)]}
+    tokenizer.post_processor = processors.TemplateProcessing(**marks)
     tokenizer.save(str(path))
 
 
 def write_encoder(folder: Path, size: int = 512, **metadata: object) -> Path:
     """A text encoder folder whose network averages random word vectors of `size` numbers."""
-    from onnx import TensorProto, helper, numpy_helper
-
     folder.mkdir(parents=True, exist_ok=True)
     table = np.random.default_rng(0).standard_normal((len(WORDS), size)).astype(np.float32)
     nodes = [
-        helper.make_node("Gather", ["table", "input_ids"], ["words"]),
-        helper.make_node("Cast", ["attention_mask"], ["mask"], to=TensorProto.FLOAT),
-        helper.make_node("Unsqueeze", ["mask", "last"], ["weights"]),
-        helper.make_node("Mul", ["words", "weights"], ["kept"]),
-        helper.make_node("ReduceSum", ["kept", "middle"], ["embeddings"], keepdims=0),
+        ("Gather", "table input_ids", "words", {}),
+        ("Cast", "attention_mask", "mask", {"to": 1}),  # real numbers
+        ("Unsqueeze", "mask last", "weights", {}),
+        ("Mul", "words weights", "kept", {}),
+        ("ReduceSum", "kept middle", "embeddings", {"keepdims": 0}),
     ]
-    inputs = [
-        helper.make_tensor_value_info(n, TensorProto.INT64, ["n", "length"])
-        for n in ("input_ids", "attention_mask")
-    ]
-    output = helper.make_tensor_value_info("embeddings", TensorProto.FLOAT, ["n", size])
-    constants = [
-        numpy_helper.from_array(table, "table"),
-        numpy_helper.from_array(np.array([2]), "last"),
-        numpy_helper.from_array(np.array([1]), "middle"),
-    ]
-    graph = helper.make_graph(nodes, "tower", inputs, [output], constants)
-    onnx.save(
-        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8),
-        folder / "tower.onnx",
-    )
+    inputs = {name: ["n", "length"] for name in ("input_ids", "attention_mask")}
+    constants = {"table": table, "last": np.array([2]), "middle": np.array([1])}
+    save_graph(folder / "tower.onnx", nodes, inputs, {"embeddings": ["n", size]}, constants, whole=True)
     write_tokenizer(folder / "tokenizer.json")
     values = {**CLIP, "max_tokens": 77, "graph": "tower.onnx", **metadata}
     (folder / "text_encoder.json").write_text(json.dumps(values), "utf-8")
@@ -122,9 +106,7 @@ def test_the_library_always_compares_by_the_shipped_one(stand_in: Path) -> None:
     assert library_encoder(TextEncoder(stand_in)).name == SHIPPED["name"]
 
 
-# --- training -----------------------------------------------------------------------------------------------------------
-
-
+# --- training
 @pytest.mark.needs_torch
 def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
     from dataclasses import replace
@@ -134,9 +116,8 @@ def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
     from training.networks.content import ContentEncoder
     from training.presets import preset
 
-    content = ContentEncoder(
-        replace(preset("tiny"), text_size=512, direction_words=False, one_sided_words=False)
-    )
+    plain = replace(preset("tiny"), text_size=512, direction_words=False, one_sided_words=False)
+    content = ContentEncoder(plain)
     assert content.text(torch.randn(3, 6, 512)).mean.shape == (3, 6, 64)
     with pytest.raises(RuntimeError):
         content.text(torch.randn(3, 6, 384))

@@ -1,7 +1,5 @@
 """Edits of a session as functions: numbers, selection, trims and labels hold after any of them, and history gives each back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import reduce
 
@@ -24,9 +22,8 @@ whole = st.integers(-50, 50)
 def motion(frames: int, name: str = "Take") -> Motion:
     """Somebody who stands still."""
     local = np.tile(np.float32([1, 0, 0, 0]), (frames, J, 1))
-    return Motion.of(
-        Clip(name, 60.0, np.zeros((frames, 3), np.float32), local, np.ones((frames, 4), np.float32))
-    )
+    hips, contacts = np.zeros((frames, 3), np.float32), np.ones((frames, 4), np.float32)
+    return Motion.of(Clip(name, 60.0, hips, local, contacts))
 
 
 def session_of(*frames: int) -> Session:
@@ -56,16 +53,14 @@ def test_a_removed_take_leaves_the_next_one_selected_and_no_number_comes_again()
 
 def test_a_reference_to_a_film_outlives_every_take() -> None:
     film = Reference(take=1, video="/a/walk.mp4")
-    session = replace(session_of(9), reference=film)
-    assert edits.without_take(session, 1).reference == film
+    assert edits.without_take(replace(session_of(9), reference=film), 1).reference == film
 
 
 def test_names_of_motion_and_user() -> None:
     session = edits.with_new_take(Session(), Take(motion=motion(9, "Take 1")))
     session = edits.renamed(session, 1, "  A proud \n walk ")
     assert session.takes[0].title == "A proud walk"
-    mirrored = edits.mirrored_copy(session, 1).takes[1]
-    assert mirrored.title == "A proud walk, mirrored"
+    assert edits.mirrored_copy(session, 1).takes[1].title == "A proud walk, mirrored"
     session = edits.renamed(session, 1, "Take 1")
     assert session.takes[0].name == ""
     assert edits.mirrored_copy(session, 1).takes[1].title == "Take 1, mirrored"

@@ -1,7 +1,5 @@
 """Untitled sessions: which ones the next start finds, and which ones go."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -20,19 +18,8 @@ from runtime.session.stored_rows import Writer
 def untitled(folder: Path, work: Callable[[Writer], None] | None = None, close: bool = True) -> Database:
     """A session of two takes in `folder`."""
     session = Database.create(new_path(folder))
-
-    def filled(writer: Writer) -> None:
-        writer.put_step(0, "Record", "{}")
-        for name, value in (
-            ("name", "stairs"),
-            ("takes", "2"),
-            ("seconds", "3.5"),
-            ("ended", "1"),
-            ("picture", b"PNG"),
-        ):
-            writer.set_meta(name, value)
-
-    session.submit(work or filled)
+    values = {"name": "stairs", "takes": "2", "seconds": "3.5", "ended": "1", "picture": b"PNG"}
+    session.submit(work or of_meta("Record", **values))
     assert session.flush()
     if close:
         assert session.close()
@@ -42,13 +29,8 @@ def untitled(folder: Path, work: Callable[[Writer], None] | None = None, close: 
 def test_what_is_shown_of_a_session(tmp_path: Path) -> None:
     session = untitled(tmp_path)
     (found,) = find(tmp_path)
-    assert (found.path, found.name, found.ended, found.takes, found.seconds) == (
-        session.path,
-        "stairs",
-        True,
-        2,
-        3.5,
-    )
+    told = (found.path, found.name, found.ended, found.takes, found.seconds)
+    assert told == (session.path, "stairs", True, 2, 3.5)
     assert found.picture == b"PNG"
     assert abs(found.saved_s - time.time()) < 60
     remove(found.path)
@@ -57,13 +39,8 @@ def test_what_is_shown_of_a_session(tmp_path: Path) -> None:
 def test_a_session_without_a_summary_may_hold_work(tmp_path: Path) -> None:
     bare = untitled(tmp_path, lambda writer: writer.put_step(0, "", "{}"))
     (found,) = find(tmp_path)
-    assert (found.path, found.name, found.ended, found.takes, found.picture) == (
-        bare.path,
-        "Untitled",
-        False,
-        0,
-        b"",
-    )
+    told = (found.path, found.name, found.ended, found.takes, found.picture)
+    assert told == (bare.path, "Untitled", False, 0, b"")
     assert find(tmp_path / "none") == []
 
 
@@ -100,11 +77,11 @@ def test_a_session_that_was_cut_off_is_found_with_what_its_log_holds(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-def of_meta(**values: str) -> Callable[[Writer], None]:
+def of_meta(label: str = "", **values: str | bytes) -> Callable[[Writer], None]:
     """A session of one step with these values."""
 
     def work(writer: Writer) -> None:
-        writer.put_step(0, "", "{}")
+        writer.put_step(0, label, "{}")
         for name, value in values.items():
             writer.set_meta(name, value)
 
@@ -119,12 +96,8 @@ def cut_off(writer: Writer) -> None:
 
 
 def test_only_what_was_offered_before_is_removed_and_what_has_takes_last(tmp_path: Path) -> None:
-    kinds = {
-        "takes": None,
-        "a recording": cut_off,
-        "a path": of_meta(takes="0", edits="1"),
-        "another path": of_meta(takes="0", edits="1"),
-    }
+    path = of_meta(takes="0", edits="1")
+    kinds = {"takes": None, "a recording": cut_off, "a path": path, "another path": path}
     paths = {name: untitled(tmp_path, work).path for name, work in kinds.items()}
     names = {path: name for name, path in paths.items()}
 
@@ -149,25 +122,10 @@ def test_without_the_list_of_what_was_offered_nothing_is_removed(tmp_path: Path)
         file.unlink() if content is None else file.write_text(content)
 
 
-def many(writer: Writer) -> None:
-    writer.put_step(0, "", "")
-    writer.set_meta("takes", "many")
-
-
-def heavy(writer: Writer) -> None:
-    writer.put_step(0, "", "")
-    writer.set_meta("picture", bytes(9 << 20))
-
-
-def endless(writer: Writer) -> None:
-    writer.put_step(0, "", "")
-    writer.set_meta("seconds", "inf")
-
-
 def test_a_summary_costs_little_and_its_numbers_can_be_shown(tmp_path: Path) -> None:
-    untitled(tmp_path, heavy)
+    untitled(tmp_path, of_meta(picture=bytes(9 << 20)))
     assert find(tmp_path)[0].damaged
-    untitled(tmp_path, endless)
+    untitled(tmp_path, of_meta(seconds="inf"))
     assert find(tmp_path)[0].seconds == 1e9
 
 
@@ -175,7 +133,7 @@ def test_empty_sessions_go_and_what_cannot_be_read_is_offered_as_damaged(tmp_pat
     for work in (lambda writer: writer.set_meta("name", "empty"), of_meta(takes="0", edits="")):
         untitled(tmp_path, work)
     (tmp_path / "20200101-000000-0000-x.sport").write_bytes(b"of another program")
-    untitled(tmp_path, many)
+    untitled(tmp_path, of_meta(takes="many"))
     (tmp_path / "folder.sport").mkdir()
     assert [(summary.damaged, summary.has_motions) for summary in find(tmp_path)] == [(True, True)] * 2
     assert len(list(tmp_path.iterdir())) == 3

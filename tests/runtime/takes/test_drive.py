@@ -1,7 +1,5 @@
 """Takes that are resimulated: the same frames before an edit and without one, others after it, and the way back."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -69,8 +67,7 @@ class Studio:
             controls = Controls((float(np.sin(at / 40)), float(np.cos(at / 40))), None, gait)
             self.inputs.before_steps(self.controller)
             for _ in range(min(1 + at % 3, frames - done)):
-                pose = self.controller.step(controls)
-                self.clips.add(pose, gait_of(controls))
+                self.clips.add(self.controller.step(controls), gait_of(controls))
                 self.inputs.add(controls, self.controller)
                 done += 1
 
@@ -116,10 +113,8 @@ def take(studio: Studio) -> Take:
 
 def same(a: Clip, b: Clip, first: int = 0, last: int | None = None) -> bool:
     keep = slice(first, last)
-    return all(
-        np.array_equal(getattr(a, name)[keep], getattr(b, name)[keep])
-        for name in ("hips_positions", "local_rotations", "contacts")
-    )
+    arrays = ("hips_positions", "local_rotations", "contacts")
+    return all(np.array_equal(getattr(a, name)[keep], getattr(b, name)[keep]) for name in arrays)
 
 
 def style(frame: int, k: int = 2, seconds: float = 0.4) -> StyleChange:
@@ -212,9 +207,8 @@ def test_a_gait_where_the_stick_rests_goes_on_as_it_pointed(take: Take) -> None:
 def test_moved_gaits_still_fill_the_take(index: int, start: int, end: int) -> None:
     asked = [Gait.WALK] * 90 + [Gait.JOG] * 60 + [Gait.WALK] * 50 + [Gait.CROUCH] * 20
     frames = InputFrames.of(InputFrame(Controls((0.0, 1.0), None, gait), 1.0, 1.0) for gait in asked)
-    inputs = InputRecording(
-        frames, (), (Keyframe(-20, take_snapshot(Controller(WalkerModel(), Terrain.flat()))),)
-    )
+    key = Keyframe(-20, take_snapshot(Controller(WalkerModel(), Terrain.flat())))
+    inputs = InputRecording(frames, (), (key,))
     spans = input_edits.gait_spans(inputs.gaits())
     span = spans[index % len(spans)]
     edit = input_edits.gaits_laid(inputs, [index % len(spans)], [replace(span, start=start, end=end)])
@@ -267,6 +261,5 @@ def test_what_cannot_be_made_again_says_so_and_old_frames_are_let_go() -> None:
     studio.inputs.drop_before(30 + KEYFRAME_STEPS + 9)
     assert studio.inputs.cut(31) is None
     inputs = studio.inputs.cut(30 + KEYFRAME_STEPS + 10)
-    assert inputs is not None
     assert -10 >= inputs.start >= -13
     assert [event.prompt for event in inputs.prompts()] == ["style 0"]  # it still holds

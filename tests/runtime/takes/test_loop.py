@@ -1,7 +1,5 @@
 """Loops: a cycle whose last frame is its first one, and feet that stay where they stand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +27,8 @@ def uneven_walk(frames: int = 400) -> Clip:
     t = np.arange(frames) / 60.0
     positions, world = Clip("w", 60.0, hips, local, contacts).world()
     ankles, feet = positions[:, LEG_FEET], world[:, LEG_FEET]
-    hips = hips + np.stack([0.015 * np.sin(1.1 * t), -0.05 + 0.01 * np.sin(0.7 * t), 0 * t], -1).astype(
-        np.float32
-    )
+    away = np.stack([0.015 * np.sin(1.1 * t), -0.05 + 0.01 * np.sin(0.7 * t), 0 * t], -1)
+    hips = hips + away.astype(np.float32)
     bend = rotations.from_axis_angle(np.tile([0.0, 0.0, 1.0], (frames, 1)), 0.12 * np.sin(0.9 * t))
     for joint in (11, 15, 18, 25):
         local[:, joint] = rotations.multiply(local[:, joint], bend)
@@ -43,7 +40,6 @@ def uneven_walk(frames: int = 400) -> Clip:
 def test_the_seam_closes(fps: float) -> None:
     take = prepare(uneven_walk(), ExportOptions(loop=True, fps=fps), FLAT)
     report = take.clip.loop
-    assert report is not None
     assert abs(len(take.clip) - 1 - CYCLE_FRAMES * fps / 60) <= 0.06 * CYCLE_FRAMES, "one cycle, not two"
     assert report.ends_cm > 0.3, "there was something to blend"
     distance, angle = seam_error(take.clip, take.root)
@@ -56,7 +52,6 @@ def test_the_seam_closes(fps: float) -> None:
 @pytest.mark.parametrize("strides", [2, 3])
 def test_a_loop_of_several_strides(strides: int) -> None:
     take = prepare(uneven_walk(), ExportOptions(loop=True, strides=strides), FLAT)
-    assert take.clip.loop is not None
     assert abs(len(take.clip) - 1 - strides * CYCLE_FRAMES) <= 0.1 * CYCLE_FRAMES
     assert take.clip.loop.seam_cm < 0.01
     with pytest.raises(UsageError, match="loop"):
@@ -72,7 +67,6 @@ def test_feet_slide_no_more_than_before_in_the_loop_and_over_its_seam() -> None:
     source = uneven_walk()
     take = prepare(source, LOOP, FLAT)
     clip, root, report = take.clip, take.root, take.clip.loop
-    assert report is not None
     cycle = source.trim(report.first, report.last)
     turn = rotations.from_yaw(root.yaw[-1] - root.yaw[0])
     positions = clip.world()[0].astype(float)
@@ -98,12 +92,8 @@ def onto_the_last(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("fps", [60.0, 30.0])
 @pytest.mark.parametrize("ground_root", [False, True])
 def test_the_file_closes_by_what_is_read_from_it_alone(tmp_path: Path, fps: float, ground_root: bool) -> None:
-    save_motion(
-        uneven_walk(),
-        tmp_path / "loop.bvh",
-        ExportOptions(loop=True, fps=fps, ground_root=ground_root),
-        FLAT,
-    )
+    options = ExportOptions(loop=True, fps=fps, ground_root=ground_root)
+    save_motion(uneven_walk(), tmp_path / "loop.bvh", options, FLAT)
     positions, world = load_clip_bvh(tmp_path / "loop.bvh").world()
     positions = positions.astype(float)
     turn, way = onto_the_last(positions)
@@ -134,6 +124,5 @@ def test_a_loop_in_place_is_one_pose_at_both_ends(tmp_path: Path) -> None:
     options = ExportOptions(loop=True, in_place=True, at_origin=True)
     (written,) = save_motion(uneven_walk(), tmp_path / "loop.bvh", options, FLAT)
     assert "the seam is 0.0" in written
-    clip = load_clip_bvh(tmp_path / "loop.bvh")
-    positions = clip.world()[0]
+    positions = load_clip_bvh(tmp_path / "loop.bvh").world()[0]
     assert np.abs(positions[0] - positions[-1]).max() < 0.02, "but for the heading"

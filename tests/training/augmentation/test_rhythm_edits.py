@@ -63,8 +63,7 @@ def test_planted_feet_stay_planted_and_frames_contacts_and_gait_go_together(name
     assert feet(after)[..., 1].min() > feet(before)[..., 1].min() - 0.012
     assert len(after.hips) == len(after.local) == len(after.contacts) == len(after.gait)
     assert np.isfinite(after.hips).all()
-    turns = np.linalg.norm(np.diff(after.local, axis=0), axis=-1)
-    assert turns.max() < 0.25, "a joint jumps"
+    assert np.linalg.norm(np.diff(after.local, axis=0), axis=-1).max() < 0.25, "a joint jumps"
 
 
 @pytest.mark.parametrize("name", [n for n in RHYTHM if part_edits()[n].kind == "steps"])
@@ -106,11 +105,8 @@ def test_a_limp_is_unequal_time_on_either_foot(name: str) -> None:
     before, after = edited(name)
     side = part_edits()[name].slot
     wanted = part_edits()[name].parameters["uneven"]
-    alone = [
-        (m.contacts[:, :2].any(1) & ~m.contacts[:, 2:].any(1)).sum()
-        / (m.contacts[:, 2:].any(1) & ~m.contacts[:, :2].any(1)).sum()
-        for m in (before, after)
-    ]
+    borne = [(m.contacts[:, :2].any(1), m.contacts[:, 2:].any(1)) for m in (before, after)]
+    alone = [(left & ~right).sum() / (right & ~left).sum() for left, right in borne]
     ratio = alone[1] / alone[0]
     ratio = ratio if side == "left_leg" else 1.0 / ratio
     assert np.log(ratio) / np.log(wanted) == pytest.approx(1.0, abs=0.25)
@@ -138,10 +134,8 @@ def test_feet_are_set_down_where_the_edit_says(name: str) -> None:
 
 
 def test_a_stomp_lands_hard_and_a_soft_step_does_not() -> None:
-    speeds = {
-        name: measured(edited(name)[1]).left_leg.landing
-        for name in ("legs.soft", "legs.stomping", "legs.stomping_hard")
-    }
+    names = ("legs.soft", "legs.stomping", "legs.stomping_hard")
+    speeds = {name: measured(edited(name)[1]).left_leg.landing for name in names}
     plain = measured(walker(600)).left_leg.landing
     assert speeds["legs.soft"] < plain < speeds["legs.stomping"] < speeds["legs.stomping_hard"]
     assert speeds["legs.stomping"] > plain + 0.2

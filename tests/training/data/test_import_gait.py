@@ -1,7 +1,5 @@
 """What the import must keep of a walk: knees, lean, shoulders, and skeletons whose axes follow no rule."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -34,8 +32,7 @@ def imported(text: str) -> np.ndarray:
     motion = parse_bvh(text)
     source = load_source(motion, recognise(motion, "march"))
     feet = calibrate_feet([load_source(parse_bvh(march(metres_per_second=0.0)), recognise(motion, "march"))])
-    result = retarget(source, feet, None, flex_toes=False)
-    return SPORT_SKELETON.forward_kinematics(*result)[0]
+    return SPORT_SKELETON.forward_kinematics(*retarget(source, feet, None, flex_toes=False))[0]
 
 
 def test_a_straight_knee_stays_straight_and_a_bent_one_bent() -> None:
@@ -72,8 +69,7 @@ def test_a_heel_that_has_begun_to_rise_is_not_pressed_down() -> None:
 def test_heel_rise_gives_the_leg_its_length(pitch: float, ahead: float, turn: float) -> None:
     foot = pitched(np.array([1.0, 0, 0, 0]), pitch)
     toe = np.array([0.0, 0.03, 0.0])
-    wanted = pitched(foot, turn)
-    ankle = toe - rotations.rotate(wanted, FOOT_OFFSET)
+    ankle = toe - rotations.rotate(pitched(foot, turn), FOOT_OFFSET)
     hip = np.array([0.05, 0.9, ahead])
     length = np.linalg.norm(ankle - hip)
     rise = heel_rise(hip, toe, foot, np.asarray(length))
@@ -83,10 +79,8 @@ def test_heel_rise_gives_the_leg_its_length(pitch: float, ahead: float, turn: fl
 
 def test_the_trunk_leads_to_the_sources_neck() -> None:
     motion = parse_bvh(march(metres_per_second=0.0))
-    skeleton = recognise(motion, "march")
-    source = load_source(motion, skeleton)
-    feet = calibrate_feet([source])
-    result = retarget(source, feet, None, flex_toes=False)
+    source = load_source(motion, recognise(motion, "march"))
+    result = retarget(source, calibrate_feet([source]), None, flex_toes=False)
     positions, _ = SPORT_SKELETON.forward_kinematics(*result)
     ours = rotations.normalize(positions[:, index("Neck")] - positions[:, 0])
     np.testing.assert_allclose(ours, rotations.normalize(source.trunk), atol=1e-3)
@@ -150,7 +144,6 @@ def walker(knee_bend: float, speed: float = 1.2, lean: float = 0.0) -> gait.Gait
 @pytest.mark.parametrize("bend", [0.05, 0.4])
 def test_gait_measures_what_a_walker_was_made_with(bend: float) -> None:
     found = gait.measure(walker(bend, lean=0.2))
-    assert found is not None
     np.testing.assert_allclose(found["knee_min"], np.degrees(bend), atol=0.1)
     np.testing.assert_allclose(found["speed"], 1.2, rtol=0.02)
     np.testing.assert_allclose(found["cadence"], 120.0, rtol=0.06)
@@ -160,14 +153,12 @@ def test_gait_measures_what_a_walker_was_made_with(bend: float) -> None:
 
 def test_strides_that_are_alike_vary_by_nothing_and_a_hand_that_wanders_by_its_deviation() -> None:
     same = gait.measure(walker(0.1))
-    assert same is not None
     assert max(same["hands_vary_cm"], same["tops_vary_cm"], same["steps_vary_cm"]) < 0.2
     joints = walker(0.1)
     t = np.arange(600) / 60
     for hand in ("lw", "rw"):
         joints.points[hand][:, 1] += 0.05 * np.sin(2 * np.pi * t / 3.3)
     found = gait.measure(joints)
-    assert found is not None
     np.testing.assert_allclose(found["hands_vary_cm"], 5.0 / np.sqrt(2), rtol=0.15)
     np.testing.assert_allclose(found["tops_vary_cm"], 5.0 / np.sqrt(2), rtol=0.3)
     assert found["steps_vary_cm"] < 0.2

@@ -1,7 +1,5 @@
 """Lists of prompts: each has an answer; expectations of animators against measures, and their table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -44,10 +42,8 @@ def test_prompts_of_the_shipped_lists_are_read(path: Path) -> None:
         assert all(" | " in line for line in lines)
     else:
         library = shipped_prompter().library
-        wrong = {
-            prompt: problem for prompt in read_prompts(path)[::10] if (problem := read(prompt, library)[1])
-        }
-        assert wrong == {}
+        found = {prompt: read(prompt, library)[1] for prompt in read_prompts(path)[::10]}
+        assert {prompt: problem for prompt, problem in found.items() if problem} == {}
 
 
 def test_a_list_without_prompts_is_an_error(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from runtime.prompts.phrasing import (
     load_phrasings,
 )
 from runtime.skeleton import PART_NAMES
+from tests.helpers.tables import table
 from tests.helpers.walker import WalkerModel
 from tests.training.augmentation.test_augmentation import walker
 from training.augmentation.catalogue import part_edits
@@ -44,9 +45,7 @@ def measured(name: str = "") -> BodyMeasures:
     return measure(motion.hips, motion.local, motion.contacts)
 
 
-# --- the table --------------------------------------------------------------------------------------------------------
-
-
+# --- the table
 def test_a_sentence_of_the_right_limb_is_looked_up_as_one_of_the_left() -> None:
     assert as_left_limb("Right hand on the  hip", "right_arm") == ("arm", "left hand on the hip")
     assert as_left_limb("head turned to the right", "head") == ("head", "head turned to the right")
@@ -93,11 +92,8 @@ def test_tables_are_read_and_damage_is_named(tmp_path: Path) -> None:
     tables = {"compact": {"sentences": {"head": {"head down": 0.5}}, "clauses": {}}}
     path.write_text(json.dumps(tables), "utf-8")
     assert load_adherence(path)["compact"].of("head down", "head") == 0.5
-    for damage in (
-        '{"compact": {"sentences": {}}}',
-        "[1]",
-        '{"a": {"sentences": {"head": {"x": 7}}, "clauses": {}}}',
-    ):
+    share = '{"a": {"sentences": {"head": {"x": 7}}, "clauses": {}}}'
+    for damage in ('{"compact": {"sentences": {}}}', "[1]", share):
         path.write_text(damage, "utf-8")
         with pytest.raises(FileError, match=r"shares\.json"):
             load_adherence(path)
@@ -124,42 +120,17 @@ def test_the_library_prefers_the_sentence_that_is_shown() -> None:
     assert legs["left_leg"] == legs["right_leg"], "nobody walks on the legs of two"
 
 
-# --- claims -----------------------------------------------------------------------------------------------------------
-
-
+# --- claims
 @pytest.mark.parametrize(
     ("part", "clause", "edit"),
-    [
-        ("left_arm", "left arm stretched straight out in front at shoulder height", "left_arm.forward"),
-        ("left_arm", "left arm raised straight up above the head", "left_arm.overhead"),
-        ("left_arm", "not swinging", "left_arm.hanging"),
-        ("left_arm", "swinging widely", "left_arm.swing_far"),
-        ("left_leg", "left knee bent deeply", "legs.crouch_deep"),
-        ("left_leg", "knee lifted high", "left_leg.high_knee"),
-        ("left_leg", "feet wide apart", "legs.far_apart"),
-        ("left_leg", "left leg taking very long slow strides", "legs.giant"),
-        ("left_leg", "left leg taking tiny hurried steps", "legs.hurried"),
-        ("left_leg", "limping on the left leg", "left_leg.limping"),
-        ("left_leg", "left leg stomping", "legs.stomping_hard"),
-        ("torso", "torso leaning far forward", "torso.lean_forward_far"),
-        ("torso", "leaning to the right", "torso.lean_right"),
-        ("torso", "hips swaying widely from side to side", "torso.hips_sway_far"),
-        ("torso", "rocking from side to side", "torso.rock_far"),
-        ("head", "head lowered", "head.down"),
-        ("head", "turned to the right", "head.turned_right"),
-        ("head", "nodding", "head.nodding"),
-    ],
+    table(__file__, "a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral"),
 )
 def test_a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral(
     part: str, clause: str, edit: str
 ) -> None:
     neutral = measured()
-    shown, still = (
-        clause_fraction(part, clause, neutral, measured(edit)),
-        clause_fraction(part, clause, neutral, neutral),
-    )
-    assert shown is not None
-    assert still is not None
+    motions = (measured(edit), neutral)
+    shown, still = (clause_fraction(part, clause, neutral, motion) for motion in motions)
     assert shown[0] > 0.8
     assert shown[1], "the clause asks for a change"
     assert still[0] == 0.0
@@ -171,9 +142,7 @@ def test_words_that_nothing_measures_claim_nothing() -> None:
     assert clauses("head down, looking at the ground, ") == ["head down", "looking at the ground"]
 
 
-# --- the command ------------------------------------------------------------------------------------------------------
-
-
+# --- the command
 class Prompter:
     """In place of a model's way from words to Z^t: a tilted head is all that the synthetic walker shows."""
 
@@ -190,10 +159,8 @@ class Prompter:
 @pytest.fixture
 def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few phrases, short walks of the synthetic walker."""
-    kept = {
-        name: part_edits()[name]
-        for name in ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
-    }
+    names = ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
+    kept = {name: part_edits()[name] for name in names}
     monkeypatch.setattr(words, "Prompter", Prompter)
     monkeypatch.setattr(words, "load_model", lambda folder: WalkerModel())
     monkeypatch.setattr(words, "read_metadata", lambda folder: {"calibration": {"phase": []}})
@@ -222,8 +189,7 @@ def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, t
     tables = load_adherence(out)
     assert set(tables) == {"other", "walker"}
     found = tables["walker"]
-    tilt = part_edits()["head.tilted_right"].phrases["head"][0]
-    assert found.of(tilt, "head") > 0.5
+    assert found.of(part_edits()["head.tilted_right"].phrases["head"][0], "head") > 0.5
     assert found.of("head tilted to the right", "head") > 0.5
     assert found.of(part_edits()["head.turned_left"].phrases["head"][0], "head") < 0.1
     for part in ("left_arm", "right_arm"):

@@ -8,13 +8,7 @@ import torch
 
 from runtime.motion.features import INPUT_SIZE
 from training.networks.decoder import blend_codes
-from training.networks.diffusion import (
-    Schedule,
-    add_noise,
-    analytic_variance,
-    noise_estimate,
-    reverse_steps,
-)
+from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate, reverse_steps
 from training.networks.generator import Generator
 from training.presets import preset
 

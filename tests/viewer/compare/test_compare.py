@@ -1,18 +1,17 @@
 """The real application without a display: variants of the prompt on one stick, one of which is kept."""
 
-from __future__ import annotations
-
 import threading
 
 import numpy as np
 import pytest
 
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click,
     click_on,
     controller,
+    do,
+    hold,
     message,
     place,
     press,
@@ -40,20 +39,16 @@ def over(app: App, index: int) -> tuple[float, float]:
 def apply(app: App, text: str) -> None:
     type_prompt(app, text)
     press(app, "enter")
-    run(app, 2)
 
 
-def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(start: Start) -> None:
-    app = start()
+def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(app: App) -> None:
     apply(app, "a proud king")
     walker, mode = controller(app), app.scene.camera.mode
     click_on(app, "Compare")
     assert app.compare.titles == [f"a proud king, seed {k}" for k in range(3)]
     begun = [pose.root_position.copy() for pose in app.compare.poses]
     steps = walker.steps
-    app.window.inject_key("w", True)
-    run(app, 45)
-    app.window.inject_key("w", False)
+    hold(app, "w", 45)
     moved = [pose.root_position - old for pose, old in zip(app.compare.poses, begun, strict=True)]
     assert all(np.linalg.norm(way) > 0.8 for way in moved)
     assert walker.steps == steps  # who waits
@@ -70,37 +65,28 @@ def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(start: Start) -> Non
     assert message(app) == "Kept: a proud king, seed 2."
 
 
-def test_a_kept_prompt_is_the_current_one_until_undo(start: Start) -> None:
-    app = start()
+def test_a_kept_prompt_is_the_current_one_until_undo(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     assert app.compare.open
-    click_on(app, "##variant prompt", 1)
-    press(app, "ctrl", "a")
-    hand.text(app.window, "someone limping")
-    run(app, 3)
-    press(app, "enter")
-    run(app, 3)
+    do(app, "click ##variant prompt @1; key ctrl+a; type someone limping; key enter")
     assert app.compare.titles[1] == "someone limping, seed 1"
     assert prompt(app) == "a proud king"
     click_on(app, "Keep", 1)
     assert prompt(app) == "someone limping"
     assert app.prompting.boxes[0].text == "someone limping"
     press(app, "ctrl", "z")
-    run(app, 2)
     assert prompt(app) == "a proud king"
 
 
 def test_blends_steps_more_and_fewer(start: Start) -> None:
     app = start(prompt="a proud king", blend="someone limping", blend_weights=(0.5,) * 6)
-    run(app, 3)
-    press(app, "v")
+    do(app, "run 3; key v")
     assert app.compare.titles == [f"a proud king, B {percent} %" for percent in (0, 50, 100)]
     assert [text for text in texts(app) if text.startswith("B ")] == ["B 0 %", "B 50 %", "B 100 %"]
     click(app, *place(app, "##seed", 1, share=0.9))
     assert app.compare.titles[1] == "a proud king, B 50 %, seed 1"
-    press(app, "ctrl", "z")
-    click_on(app, "+ Add")
+    do(app, "key ctrl+z; click + Add")
     for _ in range(6):  # the tenth is none
         app.compare.add()
     assert len(app.compare.poses) == 9
@@ -114,11 +100,8 @@ def test_blends_steps_more_and_fewer(start: Start) -> None:
     assert len(app.compare.poses) == 2
 
 
-def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(start: Start) -> None:
-    app = start()
-    press(app, "r")
-    run(app, 20)
-    press(app, "v")
+def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(app: App) -> None:
+    do(app, "key r; run 20; key v")
     assert (app.takes.recording, len(app.editor.session.takes)) == (False, 1)
     press(app, "r")
     assert app.takes.recording
@@ -126,15 +109,10 @@ def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(
     assert message(app) == "Compare view closed: recording started."
 
 
-def test_the_variants_stand_on_the_ground_that_is_chosen(start: Start) -> None:
-    app = start()
-    run(app, 3)
-    press(app, "v")
-    app.scene.load_terrain("hills")
-    run(app, 3)
-    heights = [
-        float(app.scene.terrain.height(p.root_position[0], p.root_position[2])) for p in app.compare.poses
-    ]
+def test_the_variants_stand_on_the_ground_that_is_chosen(app: App) -> None:
+    do(app, "key v; ground hills; run 3")
+    places = [p.root_position for p in app.compare.poses]
+    heights = [float(app.scene.terrain.height(at[0], at[2])) for at in places]
     assert app.scene.terrain.name == "hills"
     assert all(member.terrain is app.scene.terrain for member in app.compare.members)
     assert [float(p.root_position[1]) for p in app.compare.poses] == pytest.approx(heights, abs=1e-3)
@@ -149,31 +127,24 @@ def test_nobody_stands_in_another(count: int) -> None:
 
 
 @pytest.mark.parametrize("mode", ["follow", "orbit"])
-def test_closing_brings_the_view_of_the_live_character_back(start: Start, mode: str) -> None:
-    app = start()
+def test_closing_brings_the_view_of_the_live_character_back(app: App, mode: str) -> None:
     apply(app, "a proud king")
     app.scene.camera.use(mode)
     run(app, 30)
     camera = app.scene.camera
     before = camera.current.distance, camera.current.pitch
     press(app, "v")
-    app.window.inject_key("w", True)
-    run(app, 120)  # away from the walker
-    app.window.inject_key("w", False)
+    hold(app, "w", 120)  # away from the walker
     assert camera.current.distance != pytest.approx(before[0])
     press(app, "escape")
-    run(app, 3)
     assert (camera.current.distance, camera.current.pitch) == pytest.approx(before, abs=0.02)
     walker = np.asarray(app.scene.simulation.current.hips_position, float)
     assert on_screen(camera.current, walker, imgui.get_io().display_size) is not None
     assert np.linalg.norm(camera.current.target - walker) < 1.0
 
 
-# as edits of the session
-
-
-def test_variants_come_change_and_go_as_steps(start: Start) -> None:
-    app = start()
+# --- as edits of the session
+def test_variants_come_change_and_go_as_steps(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     assert app.editor.undo_label == "variants of “a proud king”"
@@ -195,8 +166,7 @@ def test_variants_come_change_and_go_as_steps(start: Start) -> None:
     assert [variant.seed for variant in app.compare.variants] == [0, 1, 2]
 
 
-def test_a_prompt_of_a_variant_is_a_step_and_its_field_follows(start: Start) -> None:
-    app = start()
+def test_a_prompt_of_a_variant_is_a_step_and_its_field_follows(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     app.compare.ask(1, "a duck")
@@ -213,8 +183,7 @@ def test_a_prompt_of_a_variant_is_a_step_and_its_field_follows(start: Start) -> 
     assert app.compare.texts == {}
 
 
-def test_variants_are_kept_for_their_prompt_and_replaced_for_another(start: Start) -> None:
-    app = start()
+def test_variants_are_kept_for_their_prompt_and_replaced_for_another(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     app.compare.add()
@@ -231,21 +200,17 @@ def test_variants_are_kept_for_their_prompt_and_replaced_for_another(start: Star
     assert app.compare.titles == [f"a proud king, seed {k}" for k in range(4)]
 
 
-def test_the_last_prompts_are_one_step(start: Start) -> None:
-    app = start()
+def test_the_last_prompts_are_one_step(app: App) -> None:
     for text in ("a duck", "someone limping", "a proud king"):
         apply(app, text)
-    press(app, "v")
-    click_on(app, "Prompts")
-    run(app, 2)
+    do(app, "key v; click Prompts")
     assert app.compare.titles == ["a proud king", "someone limping", "a duck"]
     assert app.editor.undo_label == "comparison of the last prompts"
     press(app, "ctrl", "z")
     assert app.compare.titles == [f"a proud king, seed {k}" for k in range(3)]
 
 
-def test_undo_withdraws_a_prompt_of_a_variant_without_an_answer(start: Start) -> None:
-    app = start()
+def test_undo_withdraws_a_prompt_of_a_variant_without_an_answer(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     app.jobs.blocking = False

@@ -1,7 +1,5 @@
 """What is drawn around a take, and its mirror image."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -11,9 +9,10 @@ from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.mirror import mirrored, other_side
 from runtime.terrain.height_map import Terrain
-from tests.helpers.app_driver import Start, click_on, run
+from tests.helpers.app_driver import do
 from tests.helpers.walker import walk
 from tests.viewer.edit.test_timeline import record, seek
+from viewer.app import App
 from viewer.edit.view_overlays import JOINTS, Trails, ghosts, speeds
 from viewer.render.marks import trail_strokes
 from viewer.session.playback import Playback
@@ -29,9 +28,8 @@ def paused(trim: tuple[int, int] | None = None) -> Playback:
 def test_ghosts_stand_at_frames_of_the_take_within_its_trim() -> None:
     playback = paused(trim=(10, 70))
     playback.seek(31)
-    found = [
-        int(np.argmin(np.abs(CLIP.hips_positions - g.hips_position).sum(1))) for g in ghosts(playback, 10)
-    ]
+    apart = [np.abs(CLIP.hips_positions - g.hips_position).sum(1) for g in ghosts(playback, 10)]
+    found = [int(np.argmin(distances)) for distances in apart]
     assert found == [10, 20, 40, 50, 60]  # 30 is too near to the pose shown, 0 is trimmed off
 
 
@@ -59,21 +57,15 @@ def test_a_mirror_image_twice_is_the_take() -> None:
     assert other_side("left_arm: upright, bright, Left") == "right_arm: upright, bright, Right"
 
 
-def test_ghosts_trails_and_mirror_in_the_window(start: Start) -> None:
-    app = start()
+def test_ghosts_trails_and_mirror_in_the_window(app: App) -> None:
     record(app, 30)
-    click_on(app, "Ghosts")
-    click_on(app, "Trails")
+    do(app, "click Ghosts; click Trails")
     seek(app, 30)
     overlays = app.scene.renderer.overlays
     assert len(overlays.frames) == 5  # of the 60 frames
     assert overlays.trails is not None
-    app.takes.mirror(1)
-    run(app, 2)
+    do(app, "mirror 1; run 2")
     assert len(app.editor.session.takes) == 2
-    app.takes.close_playback()
-    run(app, 2)
-    click_on(app, "Ghosts")
-    click_on(app, "Trails")
+    do(app, "close; run 2; click Ghosts; click Trails")
     assert app.scene.renderer.overlays.frames == []
     assert app.scene.renderer.overlays.trails is None

@@ -1,7 +1,5 @@
 """The real application without a display: curves of keys are chosen, dragged, eased and removed in the graph editor."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -12,18 +10,15 @@ from runtime.takes.camera_keys import CameraKey
 from runtime.takes.key_curves import Channel, Curve, CurveKey, KeyedCurves
 from runtime.takes.pose_layer import PoseKey, PoseLayer, Tangent
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, press, run
+from tests.helpers.app_driver import Start, click, do, point, press, run
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
 from viewer.edit.graph_editor import GraphEditor
 from viewer.gl_bindings import implot
 
 HEAD, HIPS = 16, 0
-HEAD_YAW, HIPS_UP, YAW = (
-    Channel(Curve.TURN, HEAD, 1),
-    Channel(Curve.MOVE, HIPS, 1),
-    Channel(Curve.CAMERA, -1, 0),
-)
+HEAD_YAW, HIPS_UP = Channel(Curve.TURN, HEAD, 1), Channel(Curve.MOVE, HIPS, 1)
+YAW = Channel(Curve.CAMERA, -1, 0)
 
 
 @pytest.fixture
@@ -33,7 +28,6 @@ def app(start: Start) -> App:
     record(app, 120)
     seek(app, 5)
     playback = app.takes.playback
-    assert playback is not None
     keys = (
         PoseKey(20 / 60).with_value(Curve.TURN, HEAD, np.array([0.0, 0.4, 0.0])),
         PoseKey(60 / 60)
@@ -43,8 +37,7 @@ def app(start: Start) -> App:
     poses = replace(playback.take.poses, layer=PoseLayer(keys))
     cameras = (CameraKey(10 / 60, 0.2, 0.2, 3.0), CameraKey(80 / 60, 1.2, 0.3, 2.0))
     app.editor.put("keys", playback.number, poses=poses, cameras=cameras)
-    click_on(app, "Curves")
-    run(app, 4)
+    do(app, "click Curves; run 4")
     return app
 
 
@@ -77,22 +70,16 @@ def key_place(app: App, channel: Channel, frame: int) -> tuple[float, float]:
 
 
 def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
-    hand.mouse(app.window, *start)
-    run(app, 2)
-    hand.mouse(app.window, *start, 0, True)
-    run(app, 2)
+    point(app, *start)
+    point(app, *start, 0, True)
     for step in range(1, 5):
-        at = [a + (b - a) * step / 4 for a, b in zip(start, end, strict=True)]
-        hand.mouse(app.window, *at)
-        run(app, 2)
-    hand.mouse(app.window, *end, 0, False)
-    run(app, 3)
+        point(app, *[a + (b - a) * step / 4 for a, b in zip(start, end, strict=True)])
+    point(app, *end, 0, False)
 
 
 def test_a_key_is_chosen_dragged_and_undone(app: App) -> None:
     before = curves(app)
-    goal = on_plot(app, 30, 40.0)
-    drag(app, key_place(app, HEAD_YAW, 20), goal)
+    drag(app, key_place(app, HEAD_YAW, 20), on_plot(app, 30, 40.0))
     moved = curves(app).keys(HEAD_YAW)
     (frame,) = set(moved) - {60}
     assert frame == pytest.approx(30, abs=1)
@@ -100,10 +87,8 @@ def test_a_key_is_chosen_dragged_and_undone(app: App) -> None:
     assert curves(app).keys(HIPS_UP) == before.keys(HIPS_UP)
     assert graph(app).chosen == {CurveKey(HEAD_YAW, frame)}
     press(app, "ctrl", "z")
-    run(app, 2)
     assert curves(app) == before
     press(app, "ctrl", "y")
-    run(app, 2)
     assert curves(app).keys(HEAD_YAW) == moved
 
 
@@ -111,34 +96,26 @@ def test_keys_in_a_box_are_chosen_and_removed_by_one_step(app: App) -> None:
     before = curves(app)
     places = [key_place(app, HEAD_YAW, 60), key_place(app, HIPS_UP, 60)]
     low = (min(p[0] for p in places) - 14, min(p[1] for p in places) - 14)
-    high = (max(p[0] for p in places) + 14, max(p[1] for p in places) + 14)
-    drag(app, low, high)
+    drag(app, low, (max(p[0] for p in places) + 14, max(p[1] for p in places) + 14))
     assert {CurveKey(HEAD_YAW, 60), CurveKey(HIPS_UP, 60)} <= graph(app).chosen
     press(app, "delete")
-    run(app, 2)
     assert 60 not in curves(app).keys(HEAD_YAW)
     assert curves(app).moved([], 0, lambda _: 0.0).channels() != before.channels()
     press(app, "ctrl", "z")
-    run(app, 2)
     assert curves(app) == before
 
 
 def test_all_are_chosen_by_a_key_and_let_go_by_escape(app: App) -> None:
     click(app, *on_plot(app, 40, 55.0))
     press(app, "ctrl", "a")
-    run(app, 2)
     assert len(graph(app).chosen) == sum(len(curves(app).keys(each)) for each in curves(app).channels())
-    press(app, "escape")
-    press(app, "escape")
-    run(app, 2)
+    do(app, "key escape; key escape")
     assert not graph(app).chosen
 
 
 def test_a_tangent_of_the_chosen_key_is_another(app: App) -> None:
     click(app, *key_place(app, HEAD_YAW, 20))
-    click_on(app, "##curve tangent")
-    click_on(app, "Step")
-    run(app, 2)
+    do(app, "click ##curve tangent; click Step")
     assert curves(app).tangent(CurveKey(HEAD_YAW, 20)) is Tangent.STEP
 
 
@@ -147,15 +124,13 @@ def test_a_hidden_curve_is_not_chosen(app: App) -> None:
     run(app, 2)
     click(app, *on_plot(app, 40, 55.0))
     press(app, "ctrl", "a")
-    run(app, 2)
     assert graph(app).chosen
     assert not any(key.channel.curve is Curve.CAMERA for key in graph(app).chosen)
 
 
 def test_the_camera_is_keyed_where_its_curve_is_double_clicked(app: App) -> None:
     view = curves(app)
-    value = float(view.values(YAW, np.array([45 / 60]))[0])
-    where = on_plot(app, 45, value)
+    where = on_plot(app, 45, float(view.values(YAW, np.array([45 / 60]))[0]))
     for _ in range(2):
         hand.mouse(app.window, *where, 0, True)
         run(app, 1)

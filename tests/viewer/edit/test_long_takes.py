@@ -1,7 +1,5 @@
 """The real application without a display: the timeline of a take of a minute, zoomed, scrolled and fitted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +10,18 @@ from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.session import Take
 from runtime.takes.pins import Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, frame, place, press, run, seek
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    do,
+    frame,
+    place,
+    point,
+    press,
+    seek,
+    wheel,
+)
 from viewer.app import App
 from viewer.edit.timeline_look import Range
 
@@ -24,10 +32,7 @@ JUMP = 1800
 
 def play_a_minute(app: App) -> None:
     """A take of 61 s that walks and jumps once plays, paused at its start."""
-    run(app, 2)
-    app.takes.toggle_recording()
-    run(app, 61)
-    app.takes.toggle_recording()
+    do(app, "run 2; stand 61")
     clip = app.editor.session.takes[0].clip
     at = np.resize(np.arange(len(clip)), FRAMES)
     gaits = np.full(FRAMES, Gait.WALK, np.int8)
@@ -37,19 +42,16 @@ def play_a_minute(app: App) -> None:
         local_rotations=clip.local_rotations[at], gaits=gaits,
     )  # fmt: skip
     app.editor.do("a minute", lambda session: edits.with_new_take(session, Take(motion=Motion.of(long))))
-    app.takes.play(2)
-    seek(app, 0)
+    do(app, "play 2; seek 0")
 
 
 def shown(app: App) -> Range:
     return app.transport.timeline.shown
 
 
-def wheel(app: App, steps: float, label: str = "##timeline", share: float = 0.5) -> None:
-    hand.mouse(app.window, *place(app, label, share=share))
-    run(app, 2)
-    hand.wheel(app.window, steps)
-    run(app, 2)
+def wheel_over(app: App, steps: float, label: str = "##timeline", share: float = 0.5) -> None:
+    point(app, *place(app, label, share=share))
+    wheel(app, steps)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -58,7 +60,7 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
     play_a_minute(app)
     assert (shown(app).first, shown(app).last) == (0, FRAMES - 1)
     history = app.editor.history.at
-    wheel(app, 8.0, share=0.5)
+    wheel_over(app, 8.0, share=0.5)
     first, last = shown(app).first, shown(app).last
     assert last - first < 0.2 * FRAMES
     # the frame under the pointer stays
@@ -67,15 +69,12 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
     click(app, x, y - 8.0)
     assert frame(app) == pytest.approx(first + 0.25 * (last - first), abs=3 + (last - first) / 200)
     app.window.inject_key("shift", True)
-    wheel(app, -2.0)
+    wheel_over(app, -2.0)
     app.window.inject_key("shift", False)
     assert shown(app).first == pytest.approx(first + 0.2 * (last - first), abs=2.0)
-    hand.mouse(app.window, x, y, 2, True)
-    run(app, 2)
-    hand.mouse(app.window, x + 60, y)
-    run(app, 2)
-    hand.mouse(app.window, x + 60, y, 2, False)
-    run(app, 2)
+    point(app, x, y, 2, True)
+    point(app, x + 60, y)
+    point(app, x + 60, y, 2, False)
     assert shown(app).first < first + 0.2 * (last - first)  # the ruler went along to the right
     assert app.editor.history.at == history  # what is shown is no edit
     press(app, "end")
@@ -85,17 +84,12 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
     assert shown(app).first == 0
 
 
-def test_what_is_shown_fits_the_take_the_trim_and_a_pin(start: Start) -> None:
-    app = start()
+def test_what_is_shown_fits_the_take_the_trim_and_a_pin(app: App) -> None:
     play_a_minute(app)
-    wheel(app, 5.0)
+    wheel_over(app, 5.0)
     click_on(app, "Fit")
     assert app.transport.timeline.whole
-    seek(app, 600)
-    click_on(app, "[ In")
-    seek(app, 1200)
-    click_on(app, "Out ]")
-    click_on(app, "Sel")
+    do(app, "seek 600; click [ In; seek 1200; click Out ]; click Sel")
     assert (shown(app).first, shown(app).last) == pytest.approx((570, 1230))
     press(app, "z")
     assert app.transport.timeline.whole
@@ -116,22 +110,15 @@ def test_a_jump_of_a_long_take_can_be_hit(start: Start, size: tuple[int, int]) -
     right = place(app, "##timeline", share=1.0)[0] - 4.0
     at = left + (JUMP + 4) / (FRAMES - 1) * (right - left)
     for aside in (-3.0, 0.0, 3.0):
-        hand.mouse(app.window, at + aside, y)
-        run(app, 2)
-        hand.mouse(app.window, at + aside, y, 0, True)
-        run(app, 2)
-        assert row.held is not None
+        point(app, at + aside, y)
+        point(app, at + aside, y, 0, True)
         assert row.held.mark.text == "Jump"
-        hand.mouse(app.window, at + aside, y, 0, False)
-        run(app, 2)
+        point(app, at + aside, y, 0, False)
 
 
-def test_the_frame_shown_stays_in_view_while_it_plays(start: Start) -> None:
-    app = start()
+def test_the_frame_shown_stays_in_view_while_it_plays(app: App) -> None:
     play_a_minute(app)
     app.transport.timeline.fit((0, 60))
-    seek(app, 60)
-    press(app, "space")
-    run(app, 30)
+    do(app, "seek 60; key space; run 30")
     assert shown(app).first > 10
     assert shown(app).first <= frame(app) <= shown(app).last

@@ -1,7 +1,5 @@
 """The real application without a display: pins of the live character and of takes, their card, track and handles; plants."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +15,20 @@ from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import click, click_on, drag, message, place, press, run, texts
+from tests.helpers.app_driver import (
+    click,
+    click_on,
+    do,
+    drag,
+    export_bvh,
+    message,
+    place,
+    press,
+    record_standing,
+    right_click,
+    run,
+    texts,
+)
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -48,15 +58,12 @@ def glide(app: App, speed: float = 0.0) -> Take:
 
 def recorded(app: App) -> Take:
     """The same of the live character, driven."""
-    app.takes.toggle_recording()
-    run(app, 24)
-    app.takes.toggle_recording()
+    record_standing(app, 24)
     return played(app)
 
 
 def played(app: App) -> Take:
     app.takes.play(app.editor.session.counter)
-    assert app.takes.playback is not None
     app.takes.playback.seek(20)
     run(app, 2)
     return item(app)
@@ -69,12 +76,10 @@ def item(app: App) -> Take:
 def add_pin(app: App, what: str) -> None:
     click_on(app, "+ Pin")
     click_on(app, what)
-    run(app, 2)
 
 
 def handle(app: App, index: int = 0) -> tuple[float, float]:
     overlay = app.pins.overlay()
-    assert overlay is not None
     shown = on_screen(app.scene.camera.current, overlay.points[index], imgui.get_io().display_size)
     assert shown is not None
     return shown
@@ -94,9 +99,7 @@ def test_a_pin_of_a_take_is_dragged_undone_and_exported(app: App, tmp_path: Path
     assert farthest(item(app).clip, moved) < 0.01
     assert app.editor.undo_label == "pin of the left hand"
     assert item(app).motion == before.motion
-    app.bvh_export.path = str(tmp_path / "pinned.bvh")
-    app.bvh_export.export()
-    run(app, 2)
+    export_bvh(app, tmp_path / "pinned.bvh")
     exported = load_clip_bvh(tmp_path / "pinned.bvh")
     assert np.linalg.norm(exported.world()[0][40, HAND] - moved.point) < 0.01
     run(app, 2)
@@ -142,9 +145,7 @@ def test_words_of_a_take_change_under_its_pins(app: App) -> None:
     recorded(app)
     add_pin(app, "Left hand")
     app.pins.change(replace(item(app).poses.pins[0], point=(0.3, 1.3, 0.3)))
-    run(app, 3)
-    app.editing.insert_prompt("an old king")
-    run(app, 3)
+    do(app, "run 3; insert an old king; run 3")
     assert app.editor.undo_label.startswith("prompt an old king")
     assert item(app).poses.pins
     assert farthest(item(app).clip, item(app).poses.pins[0]) < 0.01
@@ -154,8 +155,7 @@ def test_a_plant_without_its_step_is_said_after_a_redrive(app: App) -> None:
     recorded(app)
     lifted = replace(item(app).poses, footplants=(FootplantEdit(0, (2, 5), None),))
     app.editor.do("plant", lambda session: session.with_take(session.counter, poses=lifted))
-    app.editing.insert_prompt("an old king")
-    run(app, 3)
+    do(app, "insert an old king; run 3")
     assert "One changed footplant" in message(app)
     assert item(app).poses.footplants  # it comes back with the version before
 
@@ -176,8 +176,7 @@ def test_out_of_reach_is_said(app: App) -> None:
 
 
 def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
-    click_on(app, "Hold…")
-    click_on(app, "Left hand")
+    do(app, "click Hold…; click Left hand")
     app.pins.change(replace(app.pins.pin, point=(0.3, 1.3, 0.3)))  # type: ignore[type-var]
     run(app, 20)
     shown = app.shown_pose().positions[HAND]
@@ -186,8 +185,7 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     recorded(app)
     assert np.allclose(item(app).clip.world()[0][10, HAND], shown, atol=0.01)
     assert not np.allclose(item(app).base_clip.world()[0][10, HAND], shown, atol=0.1)
-    press(app, "escape")
-    press(app, "escape")
+    do(app, "key escape; key escape")
     assert app.takes.playback is None
     app.pins.toggle_live(Pinned.LEFT_HAND)
     run(app, 20)
@@ -202,15 +200,11 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     assert app.pins.footplants(0) == [item(app).poses.footplants[0].new]
     assert item(app).poses.footplants[0].new == (0, pytest.approx(40, abs=1))
     x, y = place(app, "##foot 0", share=50 / 59)
-    for down in (None, True, False):
-        hand.mouse(app.window, x, y, None if down is None else 1, bool(down))
-        run(app, 2)
+    right_click(app, x, y)
     click_on(app, "Plant the foot here")
-    run(app, 3)
     added = app.pins.footplants(0)[1]
     assert sum(added) / 2 == pytest.approx(50, abs=2)
     click(app, *place(app, "##foot 0", share=20 / 59))
     press(app, "delete")
-    run(app, 3)
     assert app.pins.footplants(0) == [added]
     assert app.editor.undo_label == "removal of a footplant of Take"

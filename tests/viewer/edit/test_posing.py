@@ -1,14 +1,12 @@
 """The real application without a display: a joint is picked and dragged in the view, and the take's pose layer is keyed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from runtime.feet.ik import LEG_FEET
 from runtime.takes.pose_layer import Curve, PoseLayer, Tangent
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, place, press, run
+from tests.helpers.app_driver import Start, click, click_on, do, place, point, press, right_click, run
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
 from viewer.edit.handles import on_screen
@@ -20,7 +18,6 @@ HIPS, HEAD = 0, 16
 
 def at(app: App, joint: int) -> tuple[float, float]:
     playback = app.takes.playback
-    assert playback is not None
     where = on_screen(app.scene.camera.current, playback.pose().positions[joint], imgui.get_io().display_size)
     assert where is not None
     return where
@@ -28,8 +25,7 @@ def at(app: App, joint: int) -> tuple[float, float]:
 
 def drag(app: App, start: tuple[float, float], by: tuple[float, float]) -> None:
     places = [(start[0] + by[0] * step / 6, start[1] + by[1] * step / 6) for step in range(7)]
-    hand.mouse(app.window, *start)
-    run(app, 2)
+    point(app, *start)
     hand.mouse(app.window, *start, 0, True)
     for where in places:
         run(app, 1)
@@ -40,9 +36,7 @@ def drag(app: App, start: tuple[float, float], by: tuple[float, float]) -> None:
 
 
 def layer(app: App) -> PoseLayer:
-    take = app.takes.played
-    assert take is not None
-    return take.poses.layer
+    return app.takes.played.poses.layer
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -50,12 +44,10 @@ def test_the_hips_are_dragged_down_and_the_feet_stay(start: Start, size: tuple[i
     app = start(width=size[0], height=size[1])
     record(app)
     seek(app, 30)
-    click_on(app, "Pose")
-    click_on(app, "Move")
+    do(app, "click Pose; click Move")
     click(app, *at(app, HIPS))
     run(app, 8)
     playback = app.takes.playback
-    assert playback is not None
     before = playback.pose().positions
     drag(app, at(app, HIPS), (0.0, 0.04 * size[1]))
     after = playback.pose().positions
@@ -72,8 +64,7 @@ def test_the_hips_are_dragged_down_and_the_feet_stay(start: Start, size: tuple[i
     assert layer(app).keys == (key,)
 
 
-def test_a_joint_is_turned_released_copied_and_mirrored(start: Start) -> None:
-    app = start()
+def test_a_joint_is_turned_released_copied_and_mirrored(app: App) -> None:
     record(app)
     seek(app, 20)
     click_on(app, "Pose")
@@ -85,27 +76,20 @@ def test_a_joint_is_turned_released_copied_and_mirrored(start: Start) -> None:
     assert layer(app).joints(Curve.TURN) == [HEAD]
     click_on(app, "Copy")
     seek(app, 50)
-    click_on(app, "Mirror")
-    run(app, 4)
+    do(app, "click Mirror; run 4")
     assert [round(key.seconds * 60) for key in layer(app).keys] == [20, 50]
     assert set(layer(app).joints(Curve.TURN)) == set(range(31))
     seek(app, 65)
-    click_on(app, "Free")
-    run(app, 4)
+    do(app, "click Free; run 4")
     assert np.allclose(layer(app).values(Curve.TURN, HEAD, np.array([65 / 60])), 0.0)
-    click_on(app, "Del")
-    run(app, 4)
+    do(app, "click Del; run 4")
     assert len(layer(app).keys) == 2
     seek(app, 50)
-    click_on(app, "##tangent")
-    run(app, 2)
-    click_on(app, "Step")
-    run(app, 2)
+    do(app, "click ##tangent; click Step")
     assert layer(app).keys[-1].tangent is Tangent.STEP
     click_on(app, "Keep on")
     assert layer(app).keeps
-    press(app, "escape")
-    press(app, "escape")
+    do(app, "key escape; key escape")
     assert not app.posing.open
     assert app.takes.playback is not None
 
@@ -117,15 +101,12 @@ def _turned(app: App, x: float, y: float, radius: float) -> bool:
     return bool(layer(app))
 
 
-def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
-    app = start()
+def test_keys_are_dragged_and_removed_on_their_track(app: App) -> None:
     record(app)
     seek(app, 30)
     click_on(app, "Pose")
     click(app, *at(app, HIPS))
-    run(app, 2)
-    click_on(app, "Key")
-    run(app, 4)
+    do(app, "click Key; run 4")
     left, y = place(app, "##pose keys", share=0.0)
     right, _ = place(app, "##pose keys", share=1.0)
     per_frame = (right - left - 8) / 79
@@ -133,27 +114,22 @@ def test_keys_are_dragged_and_removed_on_their_track(start: Start) -> None:
     (key,) = layer(app).keys
     assert 47 <= key.seconds * 60 <= 53
     x = left + 4 + key.seconds * 60 * per_frame
-    for button, down in ((None, False), (1, True), (1, False)):
-        hand.mouse(app.window, x, y, button, down)
-        run(app, 2)
+    right_click(app, x, y)
     click_on(app, "Delete")
     assert not layer(app)
 
 
-def test_the_head_turns_as_far_as_the_mouse_goes_along_a_ring_seen_from_its_edge(start: Start) -> None:
-    app = start()
+def test_the_head_turns_as_far_as_the_mouse_goes_along_a_ring_seen_from_its_edge(app: App) -> None:
     record(app)
     seek(app, 20)
-    click_on(app, "Pose")
-    press(app, "1")
+    do(app, "click Pose; key 1")
     app.scene.camera.current.pitch = 0.0
     run(app, 20)
     click(app, *at(app, HEAD))
     run(app, 8)
     x, y = at(app, HEAD)
     for below in range(-20, 21, 4):
-        hand.mouse(app.window, x - 40, y + below)
-        run(app, 2)
+        point(app, x - 40, y + below)
         if app.posing.rings.over == 1:
             drag(app, (x - 40, y + below), (60.0, 0.0))
             break

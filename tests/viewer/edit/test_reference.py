@@ -1,7 +1,5 @@
 """The real application without a display: what stands beside a take as its own skeleton, its own character, or a film."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +15,19 @@ from runtime.session.session import Reference
 from runtime.takes.clip import Clip
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
 from runtime.takes.pins import Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, drawn, message, place, press, run
+from tests.helpers.app_driver import (
+    Start,
+    click_on,
+    do,
+    drawn,
+    message,
+    place,
+    press,
+    record,
+    run,
+    save_and_leave,
+    type_in,
+)
 from tests.helpers.walker import walk
 from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
@@ -32,14 +41,8 @@ from viewer.services import Services
 
 def with_take(app: App) -> App:
     """A take of about a second that plays, paused at its first frame."""
-    app.takes.toggle_recording()
-    app.window.inject_key("w", True)
-    run(app, 70)
-    app.window.inject_key("w", False)
-    app.takes.toggle_recording()
-    app.takes.play(1)
-    run(app, 3)
-    assert app.takes.playback is not None
+    record(app, 70)
+    do(app, "play 1; run 3")
     app.takes.playback.seek(0)
     return app
 
@@ -47,12 +50,9 @@ def with_take(app: App) -> App:
 def choose_file(app: App, entry: str, path: Path) -> None:
     """An entry of the menu that is open, and a path typed into its dialog."""
     click_on(app, entry)
-    run(app, 3)
     press(app, "ctrl", "a")
-    hand.text(app.window, str(path))
-    run(app, 3)
-    press(app, "enter")
-    run(app, 5)
+    type_in(app, str(path))
+    do(app, "key enter; run 5")
 
 
 def choose_beside(app: App, path: Path) -> None:
@@ -106,14 +106,12 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     app = with_take(start())
     choose_beside(app, foreign(tmp_path / "other.bvh", TURNS["as ours"]))
     reference, playback = app.references, app.takes.playback
-    assert playback is not None
     assert playback.number == 1, "the take goes on playing"
     assert reference.name == "other"
     assert reference.look is Look.SKELETON
     beside = reference.pose(playback)
     assert beside is not None
     figure = reference.figure(playback, beside)
-    assert figure is not None
     starts = figure.matrices[:, :3, 3]  # where the bones begin
     assert np.abs(starts[:, 1] - playback.terrain.height(0.0, 0.0)).min() < 0.2
     assert starts.mean(axis=0) == pytest.approx(beside.positions.mean(axis=0), abs=0.25)
@@ -137,10 +135,8 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     run(app, 2)
     assert app.editor.session.reference == Reference(2, offset_s=0.25, aside_m=1.5, over=True)
     assert reference.look is Look.SKELETON
-    app.takes.play(1)
-    run(app, 2)
+    do(app, "play 1; run 2")
     overlays = app.overlays(None, [])
-    assert overlays.figure is not None
     assert overlays.figure.on_top
     assert not overlays.extra_poses
     assert not overlays.ghosts
@@ -148,26 +144,17 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
 
 def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: Path) -> None:
     app = with_take(start(services={"load_character": Services().load_character}))
-    app.takes.mirror(1)
-    app.takes.play(1)
-    click_on(app, "Compare…")
+    do(app, "mirror 1; play 1; click Compare…")
     click_on(app, app.editor.session.takes[1].title)
     path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
     click_on(app, "##reference look")
     choose_file(app, "Another character…", path)
-    figure = app.overlays(None, []).figure
-    assert figure is not None
-    assert figure.mesh is app.references.character
-    app.sessions.save_as(tmp_path / "a.sport")
-    run(app, 2)
-    app.sessions.new()
-    run(app, 2)
+    assert app.overlays(None, []).figure.mesh is app.references.character
+    save_and_leave(app, tmp_path / "a.sport")
     assert app.references.character is None
     path.unlink()
     app.sessions.open(tmp_path / "a.sport")
-    run(app, 3)
-    app.takes.play(1)
-    run(app, 2)
+    do(app, "run 3; play 1; run 2")
     assert app.references.look is Look.CHARACTER
     assert app.overlays(None, []).figure is not None
 
@@ -181,7 +168,6 @@ def card_box(app: App) -> tuple[float, float, float, float]:
 def body_box(app: App) -> tuple[float, float, float, float]:
     """The same of the joints of the character in the window."""
     playback, size = app.takes.playback, imgui.get_io().display_size
-    assert playback is not None
     seen = [on_screen(app.scene.camera.current, point, size) for point in playback.pose().positions]
     xs, ys = zip(*[point for point in seen if point is not None], strict=True)
     return min(xs), min(ys), max(xs), max(ys)
@@ -194,12 +180,10 @@ def apart(a: tuple[float, float, float, float], b: tuple[float, float, float, fl
 @pytest.mark.parametrize(("size", "pinned"), [((1280, 720), True), ((800, 500), False)])
 def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, int], pinned: bool) -> None:
     app = with_take(start(width=size[0], height=size[1]))
-    app.takes.mirror(1)
-    app.takes.play(1)
+    do(app, "mirror 1; play 1")
     app.references.show(2)
     if pinned:
         app.pins.add(Pinned.LEFT_HAND)
-    assert app.takes.playback is not None
     app.takes.playback.playing = False
     run(app, 60)
     desk = imgui.internal.find_window_by_name("Session")
@@ -233,22 +217,16 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
     run(app, 2)
     assert brightness(app) == pytest.approx(8 * 10, abs=5)
     click_on(app, "Over it")
-    run(app, 2)
     low, high = (place(app, "##reference opacity", share=share) for share in (0.0, 0.9))
     assert low[0] < high[0]
     assert app.window.read_pixels()[300, 640].astype(int).sum() != 0
-    app.sessions.save_as(tmp_path / "a.sport")
-    run(app, 2)
-    app.sessions.new()
-    run(app, 2)
+    save_and_leave(app, tmp_path / "a.sport")
     assert reference.video is None
     app.sessions.open(tmp_path / "a.sport")
     run(app, 3)
     assert reference.video is not None
     assert (reference.reference.offset_s, reference.reference.over) == (-0.5, True)
-    app.takes.play(1)
-    run(app, 2)
-    click_on(app, "##close reference")
+    do(app, "play 1; run 2; click ##close reference")
     assert not reference.shown
 
 
@@ -292,11 +270,9 @@ def test_another_animation_of_a_file_is_chosen_in_the_menu_of_its_take(start: St
         click_on(app, f"##animation {number}")
         run(app, 4)
 
-    for number, (shown, frames) in enumerate(
-        (("مشي سريع 🏃", 50), ("walk (3)", 60), ("animation 4", 70), ("x" * 60, 80)), 1
-    ):
+    names = {"مشي سريع 🏃": 50, "walk (3)": 60, "animation 4": 70, "x" * 60: 80}
+    for number, (shown, frames) in enumerate(names.items(), 1):
         choose(0, number)
-        assert app.takes.played is not None
         assert (app.takes.played.title, app.takes.played.made.header.frames) == (shown, frames)
     app.references.show(1)
     choose(0, 2)

@@ -1,10 +1,8 @@
 """The real application without a display: a motion without prompts is restyled, and lies beside what comes of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
-from tests.helpers.app_driver import Start, click_on, message, press, run, run_until
+from tests.helpers.app_driver import click_on, message, press, run, run_until
 from tests.viewer.edit.test_timeline import record
 from viewer.app import App
 
@@ -23,8 +21,7 @@ def without_prompts(app: App) -> int:
     return take.number
 
 
-def test_a_motion_is_restyled_and_stays_beside_the_new_take(start: Start) -> None:
-    app = start()
+def test_a_motion_is_restyled_and_stays_beside_the_new_take(app: App) -> None:
     number = without_prompts(app)
     app.editing.prompt = "a proud king"
     app.editing.shown = None
@@ -33,14 +30,11 @@ def test_a_motion_is_restyled_and_stays_beside_the_new_take(start: Start) -> Non
     run(app, 3)
     new = app.editor.session.takes[-1]
     assert new.frames == app.editor.session.takes[0].frames
-    assert app.takes.played is not None
     assert app.takes.played.number == new.number
     assert new.made.clip.prompts[0].prompt == "a proud king"
-    assert app.editor.session.reference is not None
     assert app.editor.session.reference.take == number
     assert "restyled" in message(app) or "off its time" in message(app)
     assert new.made.inputs is not None
     assert not app.editing.fixed
     press(app, "ctrl", "z")
-    run(app, 3)
     assert len(app.editor.session.takes) == 1

@@ -1,7 +1,5 @@
 """The real application without a display: the timeline of a take, its edits, and going on from a frame of it."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 
@@ -13,17 +11,19 @@ from runtime.pose import Pose
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
-    click_on,
     controller,
+    do,
     drawn,
+    export_bvh,
     frame,
     message,
     place,
+    point,
     press,
     prompt,
+    record_standing,
     run,
     run_until,
     seek,
@@ -38,9 +38,7 @@ from viewer.session.opening import open_file
 
 def record(app: App, frames: int = 40) -> Take:
     """Two prompts, each for so many frames of walking; then the take plays, paused at its start."""
-    run(app, 2)
-    app.prompting.submit_prompt("a proud king")
-    run(app, 2)
+    do(app, "run 2; prompt a proud king; run 2")
     app.takes.toggle_recording()
     app.window.inject_key("w", True)
     run(app, frames)
@@ -48,8 +46,7 @@ def record(app: App, frames: int = 40) -> Take:
     run(app, frames)
     app.window.inject_key("w", False)
     app.takes.toggle_recording()
-    app.takes.play(1)
-    seek(app, 0)
+    do(app, "play 1; seek 0")
     return take(app)
 
 
@@ -61,17 +58,12 @@ def drag(app: App, label: str, first: float, last: float, down: float = 0.5) -> 
     """Drag on a track from one share of its width to another, at a share of its height."""
     left, y = place(app, label, share=first)
     right, _ = place(app, label, share=last)
-    top = place(app, label)[1]
-    y = top + (down - 0.5) * 26.0
-    hand.mouse(app.window, left, y)
-    run(app, 2)
-    hand.mouse(app.window, left, y, 0, True)
-    run(app, 2)
+    y = place(app, label)[1] + (down - 0.5) * 26.0
+    point(app, left, y)
+    point(app, left, y, 0, True)
     for share in (0.5, 1.0):
-        hand.mouse(app.window, left + (right - left) * share, y)
-        run(app, 2)
-    hand.mouse(app.window, right, y, 0, False)
-    run(app, 3)
+        point(app, left + (right - left) * share, y)
+    point(app, right, y, 0, False)
 
 
 def same(a: Clip, b: Clip, first: int = 0, last: int | None = None) -> bool:
@@ -84,8 +76,7 @@ def prompts(app: App) -> list[tuple[str, int]]:
     return [(event.prompt, round(event.seconds * 60)) for event in take(app).clip.prompts]
 
 
-def test_the_keys_of_a_take(start: Start) -> None:
-    app = start()
+def test_the_keys_of_a_take(app: App) -> None:
     record(app)
     playback = app.takes.playback
     assert playback is not None
@@ -98,32 +89,26 @@ def test_the_keys_of_a_take(start: Start) -> None:
     assert playback.playing
     press(app, "space")
     assert not playback.playing
-    press(app, "escape")
-    press(app, "space")
+    do(app, "key escape; key space")
     assert controller(app).steps > 0
     assert app.takes.playback is None
 
 
-def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
-    app = start()
+def test_the_words_shown_are_those_of_the_take_that_plays(app: App) -> None:
     record(app)
-    app.prompting.submit_prompt("proud peacock")
-    seek(app, 5)
+    do(app, "prompt proud peacock; seek 5")
     assert app.editing.prompt == "a proud king"
     seek(app, 60)
     assert app.editing.prompt == "an old king"
     assert app.editing.parts["torso"] == "torso of an old king"
     press(app, "escape")
-    run(app, 2)
     assert prompt(app) == "proud peacock"  # live again
 
 
-def test_trim_handles_are_dragged(start: Start) -> None:
-    app = start()
+def test_trim_handles_are_dragged(app: App) -> None:
     record(app)
     drag(app, "##timeline", 0.0, 0.25, down=0.8)
     playback = app.takes.playback
-    assert playback is not None
     assert 18 <= playback.first <= 22
     drag(app, "##timeline", 0.995, 0.5, down=0.8)
     assert 37 <= playback.last <= 42
@@ -131,41 +116,26 @@ def test_trim_handles_are_dragged(start: Start) -> None:
     assert 21 <= playback.frame <= 26
 
 
-def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(start: Start) -> None:
-    app = start()
+def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(app: App) -> None:
     before = record(app)
-    seek(app, 20)
-    click_on(app, "+ Prompt")
-    run(app, 2)
-    hand.text(app.window, "a zombie")
-    run(app, 2)
-    press(app, "enter")
-    run(app, 3)
+    do(app, "seek 20; click + Prompt; type a zombie; key enter")
     assert prompts(app) == [("a proud king", 0), ("a zombie", 20), ("an old king", 40)]
     assert "a zombie" in message(app)
     assert app.editing.prompt == "a zombie"
     press(app, "ctrl", "z")
-    run(app, 2)
     assert take(app) == before
     press(app, "ctrl", "y")
     assert len(take(app).clip.prompts) == 3
 
 
-def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(start: Start) -> None:
-    app = start()
+def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(app: App) -> None:
     record(app)
     drag(app, "##prompts", 0.505, 0.25)  # by its beginning
     assert [p for p, _ in prompts(app)] == ["a proud king", "an old king"]
     assert 17 <= prompts(app)[1][1] <= 22
-    seek(app, 60)
-    press(app, "enter")
-    run(app, 3)
+    do(app, "seek 60; key enter")
     assert imgui.get_io().want_text_input
-    press(app, "ctrl", "a")
-    hand.text(app.window, "a goose")
-    run(app, 2)
-    press(app, "enter")
-    run(app, 3)
+    do(app, "key ctrl+a; type a goose; key enter")
     assert [p for p, _ in prompts(app)] == ["a proud king", "a goose"]
     app.editing.reword_part(1, "head", "looking up")
     run(app, 2)
@@ -176,54 +146,37 @@ def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(start: Start) -> 
     assert prompts(app) == [("a proud king", 0), ("an old king", 40)]
 
 
-def test_a_gait_is_inserted_and_the_stick_goes_on(start: Start) -> None:
-    app = start()
+def test_a_gait_is_inserted_and_the_stick_goes_on(app: App) -> None:
     before = record(app)
-    seek(app, 30)
-    click_on(app, "+ Gait")
-    run(app, 2)
-    click_on(app, "Jog")
-    run(app, 3)
+    do(app, "seek 30; click + Gait; click Jog")
     assert same(take(app).clip, before.clip, 0, 30)
     assert take(app).clip.gaits is not None
     assert set(take(app).clip.gaits[30:]) == {Gait.JOG}
-    ends = [
-        float(np.linalg.norm(c.hips_positions[-1] - c.hips_positions[30]))
-        for c in (before.clip, take(app).clip)
-    ]
+    ways = [c.hips_positions[-1] - c.hips_positions[30] for c in (before.clip, take(app).clip)]
+    ends = [float(np.linalg.norm(way)) for way in ways]
     assert ends[1] > 1.8 * ends[0]  # it jogs as far as the stick says
     assert take(app).frames == before.frames
 
 
-def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
-    app = start()
+def test_driving_goes_on_from_a_frame_of_a_take(app: App) -> None:
     record(app)
-    app.prompting.submit_prompt("proud peacock")
-    app.scene.load_terrain("stairs")
-    run(app, 3)
+    do(app, "prompt proud peacock; ground stairs; run 3")
     app.takes.play(1)  # which the choice of the ground has ended
-    seek(app, 25)
-    click_on(app, "##go on")
-    run(app, 1)
+    do(app, "seek 25; click ##go on")
     assert app.takes.playback is None
     assert prompt(app) == "a proud king"
     assert app.scene.terrain.name == "flat"  # the take's ground
     at = app.scene.simulation.current.hips_position
     assert np.linalg.norm(at - take(app).clip.hips_positions[25]) < 0.1
-    app.takes.toggle_recording()
-    run(app, 10)
-    app.takes.toggle_recording()
+    record_standing(app, 10)
     again = app.editor.session.takes[-1]
     assert [event.prompt for event in again.clip.prompts] == ["a proud king"]
     assert again.made.inputs is not None
 
 
-def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_take_from_a_file_says_why_it_cannot_be_edited(app: App, tmp_path: Path) -> None:
     record(app)
-    app.bvh_export.path = f"{tmp_path}/walk.bvh"
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app, f"{tmp_path}/walk.bvh")
     open_file(app.takes, tmp_path / "walk.bvh")
     seek(app, 10)
     assert [bar.text for bar in app.editing.tracks.prompts] == ["a proud king", "an old king"]  # type: ignore[union-attr]
@@ -252,9 +205,7 @@ def test_a_new_prompt_leaves_the_frames_before_it_as_they_were(start: Start) -> 
     """With the shipped model."""
     app = start(services={"load_model": Services().load_model})
     before = record(app, 25)
-    seek(app, 35)
-    app.editing.insert_prompt("a zombie")
-    run(app, 2)
+    do(app, "seek 35; insert a zombie; run 2")
     assert same(take(app).clip, before.clip, 0, 35)
     assert not same(take(app).clip, before.clip, 37)
     press(app, "ctrl", "z")
@@ -297,16 +248,9 @@ class Gate:
 
 
 @pytest.mark.parametrize("then", ["undo", "other take", "delete", "finish", "cancel"])
-def test_what_is_done_while_a_prompt_is_moved(
-    start: Start, monkeypatch: pytest.MonkeyPatch, then: str
-) -> None:
-    app = start()
+def test_what_is_done_while_a_prompt_is_moved(app: App, monkeypatch: pytest.MonkeyPatch, then: str) -> None:
     record(app)
-    app.takes.toggle_recording()
-    run(app, 30)
-    app.takes.toggle_recording()
-    app.takes.play(1)
-    seek(app, 0)
+    do(app, "stand 30; play 1; seek 0")
     before = app.editor.session
     gate = Gate(app, monkeypatch)
     drag(app, "##prompts", 0.505, 0.25)
@@ -316,15 +260,13 @@ def test_what_is_done_while_a_prompt_is_moved(
         press(app, "ctrl", "z")
         assert "before it was done" in message(app)
     elif then == "other take":
-        app.takes.play(2)
-        run(app, 5)
+        do(app, "play 2; run 5")
         drag(app, "##prompts", 0.2, 0.6)
     elif then == "delete":
         app.takes.remove(1)
     elif then == "cancel":
         monkeypatch.setattr("viewer.jobs.PATIENCE_S", -1.0)
-        run(app, 2)
-        click_on(app, "##doing")
+        do(app, "run 2; click ##doing")
     gate.finish()
     run(app, 3)
     made = app.editor.session.take(1)
@@ -342,9 +284,8 @@ def test_what_is_done_while_a_prompt_is_moved(
 
 
 def test_undo_while_a_gait_is_made_takes_that_back_and_not_the_split(
-    start: Start, monkeypatch: pytest.MonkeyPatch
+    app: App, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = start()
     record(app)
     seek(app, 40)
     app.cutting.split()
@@ -362,8 +303,7 @@ def test_undo_while_a_gait_is_made_takes_that_back_and_not_the_split(
     assert app.editor.session == split
 
 
-def test_the_keys_of_editors_trim_key_and_shuttle(start: Start) -> None:
-    app = start()
+def test_the_keys_of_editors_trim_key_and_shuttle(app: App) -> None:
     record(app)
     playback = app.takes.playback
     assert playback is not None
@@ -371,8 +311,7 @@ def test_the_keys_of_editors_trim_key_and_shuttle(start: Start) -> None:
         seek(app, at)
         press(app, key)
     assert take(app).range == (10, 60)
-    seek(app, 30)
-    press(app, "s")
+    do(app, "seek 30; key s")
     assert [round(key.seconds * 60) for key in take(app).cameras] == [30]
     press(app, "l")
     assert (playback.playing, playback.rate) == (True, 1)
@@ -387,21 +326,16 @@ def test_the_keys_of_editors_trim_key_and_shuttle(start: Start) -> None:
     assert not playback.playing
 
 
-def test_p_while_recording_ends_the_take_and_plays_it(start: Start) -> None:
-    app = start()
+def test_p_while_recording_ends_the_take_and_plays_it(app: App) -> None:
     record(app)
     app.takes.close_playback()
     app.takes.toggle_recording()
-    run(app, 10)
-    press(app, "p")
-    run(app, 2)
+    do(app, "run 10; key p")
     assert not app.takes.recording
-    assert app.takes.playback is not None
     assert app.takes.playback.number == 2
 
 
-def test_versions_of_a_take_are_gone_back_to_and_compared_with(start: Start) -> None:
-    app = start()
+def test_versions_of_a_take_are_gone_back_to_and_compared_with(app: App) -> None:
     before = record(app)
     app.editing.reword(1, "a goose")
     run(app, 3)

@@ -1,7 +1,5 @@
 """The export window of the real application, driven without a display: the files are there and hold the take."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,7 @@ import trimesh
 from runtime.character.writer import write_character
 from runtime.formats.table import FORMATS
 from runtime.skeleton import SPORT_SKELETON
-from tests.helpers.app_driver import Start, click_on, message, press, run, run_until, texts
+from tests.helpers.app_driver import Start, click_on, do, message, press, record, run, run_until, texts
 from tests.helpers.glb_playback import play
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
@@ -27,20 +25,13 @@ REAL = {"load_character": Services().load_character}
 def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     """Record a walk, choose a format in the window as a person would, and press Export."""
     app.settings.export_folder = str(folder)
-    app.takes.toggle_recording()
-    app.window.inject_key("w", True)
-    run(app, FRAMES)
-    app.window.inject_key("w", False)
-    app.takes.toggle_recording()
-    run(app, 2)
-    click_on(app, "##more formats")
+    record(app, FRAMES)
+    do(app, "run 2; click ##more formats")
     if app.exporting.form.suffix != suffix:
         click_on(app, "##export format")
         click_on(app, FORMATS[suffix].name)
     app.exporting.choose(**form)
-    run(app, 2)
-    click_on(app, "##export now")
-    run(app, 2)
+    do(app, "run 2; click ##export now")
     report = app.exporting
     assert report.report_good, report.report
     return folder / f"take-1{suffix}"
@@ -49,15 +40,13 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
 def test_a_range_is_the_trim_or_what_the_timeline_shows(start: Start, tmp_path: Path) -> None:
     app = start(services=REAL, terrain="flat")
     export(app, tmp_path, ".npz")
-    app.takes.play(1)
-    run(app, 2)
+    do(app, "play 1; run 2")
     app.takes.trim(last=19)
     app.transport.timeline.shown = app.transport.timeline.shown.fitted(3, 17)
     for part, frames in (("", FRAMES), ("trim", 20), ("shown", 15)):
         app.exporting.choose(part=part)
         app.exporting.path = str(tmp_path / f"{part or 'all'}.npz")
         click_on(app, "##export now")
-        run(app, 2)
         assert len(np.load(tmp_path / f"{part or 'all'}.npz")["root_positions"]) == frames
 
 
@@ -68,8 +57,7 @@ def test_a_glb_has_mesh_skin_motion_and_ground(start: Start, tmp_path: Path, own
         write_character(tmp_path / "me.glb", user_character())
         app.open_files([tmp_path / "me.glb"])
     path = export(app, tmp_path, ".glb", ground="inside")
-    scene = trimesh.load(str(path))
-    triangles = sorted(len(mesh.faces) for mesh in scene.geometry.values())
+    triangles = sorted(len(mesh.faces) for mesh in trimesh.load(str(path)).geometry.values())
     assert len(triangles) >= 2, "the character and the ground"
     played = play(path)
     assert len(played.times) == FRAMES

@@ -1,7 +1,5 @@
 """A defect costs an action, not the program: faults in every panel, tool and step."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -10,7 +8,7 @@ from typing import Any
 import pytest
 
 from runtime.takes.pins import Pinned
-from tests.helpers.app_driver import Start, click_on, drawn, message, record, run, texts, titles
+from tests.helpers.app_driver import Start, click_on, do, drawn, message, record, run, texts, titles
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui import defects as defects_module
@@ -30,9 +28,7 @@ def desk(start: Start) -> App:
     """A viewer that catches defects, with two takes."""
     app = start()
     app.defects.active = True
-    record(app)
-    record(app)
-    run(app, 2)
+    do(app, "record; record; run 2")
     return app
 
 
@@ -137,7 +133,6 @@ def test_the_report_says_what_happened_and_the_panel_opens_again(
     with monkeypatch.context() as patch:
         patch.setattr("viewer.panels.scene_panel._views", broken)
         run(desk, 3)
-        assert desk.defects.shown is not None
         said = " ".join(texts(desk))
         assert "drawing the panel Scene" in said
         assert "Your work is kept" in said
@@ -145,7 +140,6 @@ def test_the_report_says_what_happened_and_the_panel_opens_again(
         assert "put there by the test" in report
         assert "Python 3." in report
         assert "moderngl" in report
-        assert desk.defects.shown.path is not None
         assert desk.defects.shown.path.read_text(encoding="utf-8") == report
         assert "A defect has closed this panel." in said
         assert desk.frames_shown > 3

@@ -1,14 +1,13 @@
 """The file dialog of the program's own, cards that can be moved, and windows that fit the screen."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
 
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, drag, drawn, press, record, run, texts
+from tests.helpers.app_driver import Start, click_on, do, drag, drawn, press, run, texts
 from viewer import window as window_module
+from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.dialogs import DialogKind, PendingDialog
 
@@ -46,30 +45,25 @@ def test_a_file_is_found_by_clicks_alone(start: Start, folder: Path) -> None:
     app.sessions.dialogs.ask(DialogKind.OPEN, "Open", folder, found.append, ("Clips", "*.bvh"))
     run(app, 3)
     click_on(app, next(label for label, _ in drawn(app) if "clips" in label).partition("##")[0])
-    assert app.sessions.dialogs.question is not None
     assert app.sessions.dialogs.question.folder == folder / "clips"
     click_on(app, "##up")
     assert app.sessions.dialogs.question.folder == folder
     click_on(app, next(label for label, _ in drawn(app) if "clips" in label).partition("##")[0])
     click_on(app, next(label for label, _ in drawn(app) if "a.bvh" in label).partition("##")[0])
     click_on(app, "##dialog ok")
-    run(app, 2)
     assert found == [folder / "clips" / "a.bvh"]
 
 
 def test_cancel_answers_nothing(start: Start, folder: Path) -> None:
     app, found = start(), []
     app.sessions.dialogs.ask(DialogKind.OPEN, "Open", folder, found.append)
-    run(app, 3)
-    click_on(app, "##dialog cancel")
+    do(app, "run 3; click ##dialog cancel")
     assert app.sessions.dialogs.question is None
     assert found == []
 
 
-def test_the_pose_panel_is_moved_and_stays_there(start: Start) -> None:
-    app = start()
-    record(app, 40)
-    app.takes.play(1)
+def test_the_pose_panel_is_moved_and_stays_there(app: App) -> None:
+    do(app, "record 40; play 1")
     app.posing.toggle()
     run(app, 3)
     card = next(w for w in imgui.get_current_context().windows if w.name == "Pose")
@@ -106,9 +100,7 @@ def test_a_remembered_window_fits_the_screen(
     assert window_module._fitting_screen(*asked) == asked
 
 
-def test_the_help_has_the_keys_of_the_session(start: Start) -> None:
-    app = start()
+def test_the_help_has_the_keys_of_the_session(app: App) -> None:
     press(app, "f1")
-    run(app, 2)
     said = " ".join(texts(app))
     assert all(key in said for key in ("Ctrl+S", "Ctrl+O", "Ctrl+E"))

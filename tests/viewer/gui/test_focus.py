@@ -1,7 +1,5 @@
 """The real application without a display: who has the keys, the view or a panel, and panels that keep still."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -13,12 +11,14 @@ from tests.helpers.app_driver import (
     click,
     click_on,
     controller,
+    do,
     drawn,
     message,
     place,
     press,
     record,
     run,
+    type_key,
     typing,
 )
 from viewer.app import App
@@ -56,15 +56,12 @@ def test_panels_keep_still_when_sections_are_unfolded(
 
 
 def type_everything(app: App) -> None:
-    """Every letter and digit as a keyboard sends them, key and character, in one frame each."""
+    """Every letter and digit in one frame."""
     for letter in LETTERS:
-        app.window.inject_key(letter, True)
-        hand.text(app.window, letter)
-        app.window.inject_key(letter, False)
+        type_key(app, letter)
 
 
-def test_words_that_miss_a_field_do_nothing(start: Start) -> None:
-    app = start()
+def test_words_that_miss_a_field_do_nothing(app: App) -> None:
     run(app, 30)
     x, y = place(app, "##terrain")
     click(app, x, y - 56.0)  # the title of the panel
@@ -83,16 +80,12 @@ def test_words_that_miss_a_field_do_nothing(start: Start) -> None:
 
 
 @pytest.mark.parametrize("label", ["##path", "##prompt A", "##search"])
-def test_a_field_that_was_clicked_has_the_keys_within_the_frame(start: Start, label: str) -> None:
-    app = start()
-    run(app, 3)
+def test_a_field_that_was_clicked_has_the_keys_within_the_frame(app: App, label: str) -> None:
     if label == "##path":
         ground = place(app, "##terrain")
         click(app, ground[0] - 40.0, ground[1] + 28.0)
-        run(app, 2)
     elif label == "##search":
         click_on(app, "Ready prompts")
-        run(app, 2)
     x, y = place(app, label)
     hand.mouse(app.window, x, y)
     run(app)
@@ -101,20 +94,15 @@ def test_a_field_that_was_clicked_has_the_keys_within_the_frame(start: Start, la
     type_everything(app)
     run(app, 3)
     assert typing(app)
-    typed = {
-        "##path": app.scene.file_path,
-        "##prompt A": app.prompting.boxes[0].text,
-        "##search": app.prompt.search,
-    }[label]
+    texts = {"##path": app.scene.file_path, "##prompt A": app.prompting.boxes[0].text}
+    typed = (texts | {"##search": app.prompt.search})[label]
     assert LETTERS in typed
     assert not app.takes.recording
     assert not app.editor.session.takes
 
 
 @pytest.mark.parametrize("frames", [0, 1])  # in one slow frame, and in two
-def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: int) -> None:
-    app = start()
-    run(app, 3)
+def test_what_a_held_key_repeats_is_no_text_of_the_prompt(app: App, frames: int) -> None:
     app.window.inject_key("w", True)
     hand.text(app.window, "w")
     run(app, frames)
@@ -126,22 +114,16 @@ def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: 
     app.window.inject_key("enter", True)
     app.window.inject_key("enter", False)
     for letter in "tired waiter":
-        name = "space" if letter == " " else letter
-        app.window.inject_key(name, True)
-        hand.text(app.window, letter)
-        app.window.inject_key(name, False)
+        type_key(app, letter)
     run(app, 6)
     assert app.prompting.boxes[0].text == "tired waiter"
     assert not app.takes.recording, "R is a letter after Enter"
     assert not app.editor.session.takes
 
 
-def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(app: App) -> None:
     app.window.inject_key("w", True)
-    run(app, 2)
-    click_on(app, "Grid")
+    do(app, "run 2; click Grid")
     at = controller(app).z
     run(app, 3)
     assert controller(app).z > at
@@ -150,9 +132,7 @@ def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> No
     assert app.takes.recording
 
 
-def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_every_panel_is_reached_and_used_by_keys(app: App) -> None:
     seen = []
     for _ in range(5):
         press(app, "f6")
@@ -161,32 +141,21 @@ def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
     assert seen == ["Prompt", "Scene", "Takes", "Session", None]
     press(app, "f6")
     press(app, "f6")  # Scene: its list of grounds comes first
-    run(app, 2)
-    press(app, "space")
-    run(app, 2)
+    do(app, "run 2; key space")
     assert len(imgui.get_current_context().open_popup_stack) == 1
-    press(app, "down")
-    press(app, "space")
-    run(app, 3)
+    do(app, "key down; key space")
     assert app.scene.terrain.name != "flat"
     assert controller(app).z == 0.0  # no key reached the character
 
 
-def test_tab_goes_through_a_panel_and_its_fields(start: Start) -> None:
-    app = start()
-    app.takes.toggle_recording()
-    run(app, 40)
-    app.takes.toggle_recording()
-    app.takes.play(1)
-    run(app, 3)
+def test_tab_goes_through_a_panel_and_its_fields(app: App) -> None:
+    do(app, "stand 40; play 1; run 3")
     for _ in range(4):
         press(app, "f6")
     reached = set()
     for _ in range(24):  # past the field of the speed
         press(app, "tab")
-        run(app, 3)
         context = imgui.get_current_context()
-        assert context.nav_window is not None
         assert context.nav_window.root_window.name == "Transport"
         reached.add(context.nav_id)
     assert len(reached) >= 12, "every button"
@@ -197,10 +166,8 @@ MODAL = ("help", "path dialog", "defect", "last session")
 
 
 @pytest.mark.parametrize("what", MODAL)
-def test_no_key_reaches_what_lies_behind_a_modal_window(start: Start, what: str) -> None:
-    app = start()
-    record(app)
-    run(app, 2)
+def test_no_key_reaches_what_lies_behind_a_modal_window(app: App, what: str) -> None:
+    do(app, "record; run 2")
     app.sessions.dialogs.available = lambda: False
 
     def show() -> None:
@@ -217,35 +184,22 @@ def test_no_key_reaches_what_lies_behind_a_modal_window(start: Start, what: str)
     show()
     assert app.shell.modal
     before = app.editor.session, app.settings.show_trajectory, app.scene.camera.mode
-    for keys in (
-        ("f6",),
-        ("space",),
-        ("ctrl", "tab"),
-        ("space",),
-        ("f6",),
-        ("f6",),
-        ("ctrl", "z"),
-        ("f2",),
-        ("v",),
-    ):
+    for keys in ("f6", "space", "ctrl tab", "space", "f6", "f6", "ctrl z", "f2", "v"):
+        keys = keys.split(" ")
         press(app, *keys)
-        run(app, 2)
-        if keys == ("space",):  # presses a button of the window itself
+        if keys == ["space"]:  # presses a button of the window itself
             show()
         assert app.shell.focus.holder in app.shell.focus.windows
     assert before == (app.editor.session, app.settings.show_trajectory, app.scene.camera.mode)
     assert app.shell.modal
     click(app, *place(app, "##terrain"))
-    run(app, 2)
     assert not len(imgui.get_current_context().open_popup_stack), "the list behind it does not open"
 
 
-def test_f6_stays_among_the_windows_over_everything(start: Start) -> None:
-    app = start()
+def test_f6_stays_among_the_windows_over_everything(app: App) -> None:
     record(app)
     app.settings_window.toggle()
     run(app, 3)
     for _ in range(4):
         press(app, "f6")
-        run(app, 2)
         assert app.shell.focus.holder == "Settings##overlay"

@@ -1,12 +1,22 @@
 """The real application without a display: open lists and Escape, typing on a slow machine, tooltips that stay out of the way."""
 
-from __future__ import annotations
-
 import pytest
 
 from runtime.session.prompt_blend import Side
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    do,
+    drawn,
+    place,
+    point,
+    press,
+    run,
+    texts,
+    type_key,
+)
 from viewer.app import App
 from viewer.gl_bindings import imgui
 
@@ -15,38 +25,26 @@ def open_lists() -> int:
     return len(imgui.get_current_context().open_popup_stack)
 
 
-def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(app: App) -> None:
     click_on(app, "##terrain")
     assert open_lists() == 1
     x, y = place(app, "Wall")
     press(app, "escape")
-    run(app, 2)
     assert open_lists() == 0
     assert not [label for label, _ in drawn(app) if label == "Wall"]
     click(app, x, y)
     assert app.scene.terrain_spec == "flat"
 
 
-def typed_key(app: App, letter: str) -> None:
-    """Key down, its character, key up: what a window sends."""
-    app.window.inject_key(letter, True)
-    hand.text(app.window, letter)
-    app.window.inject_key(letter, False)
-
-
-def test_every_key_of_a_slow_frame_is_taken_in_it(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_every_key_of_a_slow_frame_is_taken_in_it(app: App) -> None:
     app.shell.focus_prompt()
     run(app, 4)
     for letter in "anoldman":
-        typed_key(app, letter)
+        type_key(app, letter)
     for _ in range(3):
         app.window.inject_key("backspace", True)
         app.window.inject_key("backspace", False)
-    typed_key(app, "x")
+    type_key(app, "x")
     run(app)  # one frame
     assert app.prompting.boxes[Side.A].text == "anoldx"
     assert not app.window.input_waits
@@ -73,43 +71,29 @@ def test_tooltips_lie_beside_the_panel_and_say_what_cannot_be_read(
     app.prompting.submit_part("left_arm")
     run(app, 90)
     found = tooltip_rect()
-    assert found is not None
     columns = [rect[2] for label, rect in drawn(app) if label == "##words"]
     assert found[0] >= max(columns)
     assert (found[2] <= size[0]) & (found[3] <= size[1]) & (found[1] >= 0)
 
 
-def test_tooltips_of_the_timeline_lie_over_it(start: Start) -> None:
-    app = start()
-    run(app, 2)
-    app.takes.toggle_recording()
-    run(app, 30)
-    app.takes.toggle_recording()
-    app.takes.play(1)
+def test_tooltips_of_the_timeline_lie_over_it(app: App) -> None:
+    do(app, "stand 30; play 1")
     app.takes.playback.playing = False
     run(app, 3)
     hand.mouse(app.window, *place(app, "##prompts"))
     run(app, 60)
     found = tooltip_rect()
-    assert found is not None
     assert found[3] <= min(top for label, (_, top, _, _) in drawn(app) if label == "##timeline")
 
 
 def test_a_message_pushes_the_facts_away_where_both_have_no_room(start: Start) -> None:
     app = start(width=800, height=500)
     app.state.clocked = True
-    shown: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        real = imgui.text_unformatted
-        patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
-        app.messages.note("Take 1: 6.7 s in the clip list. Export writes it as BVH.")
-        run(app)
-    assert "Take 1: 6.7 s in the clip list. Export writes it as BVH." in shown
+    app.messages.note("Take 1: 6.7 s in the clip list. Export writes it as BVH.")
+    assert "Take 1: 6.7 s in the clip list. Export writes it as BVH." in texts(app)
 
 
-def test_six_fields_fit_into_a_window_of_the_first_start(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_six_fields_fit_into_a_window_of_the_first_start(app: App) -> None:
     fields = [box for label, box in drawn(app) if label == "##words"]
     assert len(fields) == 6
     assert max(bottom for _, _, _, bottom in fields) <= 680 - 10
@@ -121,8 +105,6 @@ def test_a_click_on_a_tab_counts_where_move_and_click_fall_into_one_frame(start:
     run(app, 3)
     takes, prompts = place(app, "Takes"), place(app, "Prompt")
     for tab, label in ((takes, "Takes"), (prompts, "Prompt")):
-        hand.mouse(app.window, *tab, 0, True)
-        run(app, 2)
-        hand.mouse(app.window, *tab, 0, False)
-        run(app, 2)
+        point(app, *tab, 0, True)
+        point(app, *tab, 0, False)
         assert ("##prompt A" in {full for full, _ in drawn(app)}) == (label == "Prompt")

@@ -1,14 +1,12 @@
 """What is under the mouse stays there when tracks, panels, formats and answers appear."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest
 
 from runtime.session.prompt_blend import Side
 from runtime.takes.pins import Pinned
-from tests.helpers.app_driver import Start, drawn, record, run
+from tests.helpers.app_driver import Start, do, drawn, record, run
 from viewer.app import App
 from viewer.exports.exporting import ExportForm
 from viewer.gl_bindings import imgui
@@ -28,11 +26,9 @@ def places(app: App) -> Places:
 
 def moved(before: Places, after: Places) -> dict[str, tuple[object, object]]:
     """Widgets that are in both, and lie elsewhere."""
-    return {
-        name: (before[name], after[name])
-        for name in before.keys() & after.keys()
-        if not {*before[name]} <= {*after[name]} and not {*after[name]} <= {*before[name]}
-    }
+    both = {name: ({*before[name]}, {*after[name]}) for name in before.keys() & after.keys()}
+    moved = [name for name, (old, new) in both.items() if not old <= new and not new <= old]
+    return {name: (before[name], after[name]) for name in moved}
 
 
 def camera_keys(app: App) -> None:
@@ -57,9 +53,7 @@ CHANGES: dict[str, Callable[[App], object]] = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_no_control_moves_when_a_take_gets_more(start: Start, size: tuple[int, int], change: str) -> None:
     app = start(width=size[0], height=size[1])
-    record(app, 40)
-    record(app, 40)
-    app.takes.play(1)
+    do(app, "record 40; record 40; play 1")
     before = places(app)
     CHANGES[change](app)
     assert moved(before, places(app)) == {}
@@ -74,9 +68,8 @@ def test_no_control_moves_when_another_format_is_chosen(start: Start, size: tupl
 
     def fixed() -> dict[str, list[tuple[float, float]]]:
         shown = places(app)
-        return {
-            name: shown[name] for name in ("export format", "export now", "close Export") if name in shown
-        }
+        names = ("export format", "export now", "close Export")
+        return {name: shown[name] for name in names if name in shown}
 
     app.exporting.choose_format(".bvh")
     before = fixed()
@@ -98,8 +91,7 @@ def test_no_control_moves_when_an_answer_comes(start: Start, size: tuple[int, in
     app = start(width=size[0], height=size[1])
     run(app, 3)
     before = places(app)
-    app.prompting.submit_prompt("an old king")
-    run(app, 3)
+    do(app, "prompt an old king; run 3")
     assert moved(before, places(app)) == {}
     app.prompting.submit_prompt("a duck", Side.B)
     run(app, 3)
@@ -107,8 +99,7 @@ def test_no_control_moves_when_an_answer_comes(start: Start, size: tuple[int, in
 
 
 @pytest.mark.parametrize("window", ["settings", "export", "joints"])
-def test_a_window_stays_where_it_opened_and_on_the_screen(start: Start, window: str) -> None:
-    app = start()
+def test_a_window_stays_where_it_opened_and_on_the_screen(app: App, window: str) -> None:
     record(app)
     (app.exporting.open if window == "export" else app.settings_window.toggle)()
     run(app, 3)

@@ -1,7 +1,5 @@
 """Keys, pads and scripts become the commands that drive the character."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -78,15 +76,22 @@ def test_strafe_faces_the_camera_direction() -> None:
     assert to_controls(Intent(move=(1.0, 0.0), strafe=True), 0.0).facing == pytest.approx((0.0, 1.0))
 
 
-def test_two_keys_do_not_walk_faster_than_one() -> None:
-    both = InputMapper().read(pressed_keys("w", "d"), None, DT)
-    assert math.hypot(*both.move) == pytest.approx(1.0)
-    assert InputMapper().read(pressed_keys("w", "s"), None, DT).move == (0.0, 0.0)
-
-
-def test_gaits_of_the_keyboard() -> None:
-    assert InputMapper().read(pressed_keys("w"), None, DT).gait is Gait.WALK
-    assert InputMapper().read(pressed_keys("w", "shift"), None, DT).gait is Gait.JOG
+@pytest.mark.parametrize(
+    ("keys", "move", "gait"),
+    [
+        ("w", (0.0, 1.0), Gait.WALK),
+        ("w shift", (0.0, 1.0), Gait.JOG),
+        ("w d", (0.5**0.5, 0.5**0.5), Gait.WALK),  # no faster than one
+        ("w s", (0.0, 0.0), Gait.WALK),
+    ],
+)
+@pytest.mark.parametrize("resting", [None, GamepadState("pad", left=(0.05, -0.04), right=(0.02, 0.0))])
+def test_keys_walk_beside_a_pad_that_rests(
+    keys: str, move: tuple[float, float], gait: Gait, resting: GamepadState | None
+) -> None:
+    intent = InputMapper().read(pressed_keys(*keys.split(" ")), resting, DT)
+    assert intent.move == pytest.approx(move)
+    assert intent.gait is gait
 
 
 def test_keys_of_a_shortcut_do_nothing_of_their_own() -> None:
@@ -122,9 +127,8 @@ def test_crouch_is_a_toggle_and_jump_lasts() -> None:
 
 def test_pad_drives_everything() -> None:
     mapper, keyboard = InputMapper(), Keyboard()
-    pad = GamepadState(
-        "pad", left=(0.0, 1.0), right=(0.6, 0.0), right_trigger=1.0, buttons=frozenset({"left_bumper"})
-    )
+    held = {"right_trigger": 1.0, "buttons": frozenset({"left_bumper"})}
+    pad = GamepadState("pad", left=(0.0, 1.0), right=(0.6, 0.0), **held)
     intent = mapper.read(keyboard, pad, DT)
     assert intent.move == pytest.approx((0.0, 1.0))
     assert intent.gait is Gait.JOG
@@ -135,11 +139,6 @@ def test_pad_drives_everything() -> None:
     assert mapper.read(keyboard, button, DT).pressed == ()  # held, not pressed again
     assert mapper.read(keyboard, None, DT).pressed == ()  # unplugged
     assert mapper.read(keyboard, button, DT).pressed == (Action.RECORD,)
-
-
-def test_a_resting_pad_leaves_the_keys_alone() -> None:
-    drift = GamepadState("pad", left=(0.05, -0.04), right=(0.02, 0.0))
-    assert InputMapper().read(pressed_keys("w"), drift, DT).move == (0.0, 1.0)
 
 
 def test_typing_does_not_drive_but_function_keys_work() -> None:
@@ -153,8 +152,7 @@ def test_typing_does_not_drive_but_function_keys_work() -> None:
 
 
 def test_a_take_has_some_keys_while_it_is_shown() -> None:
-    keys = pressed_keys("space", "left", "home", "w")
-    intent = InputMapper().read(keys, None, DT, take=True)
+    intent = InputMapper().read(pressed_keys("space", "left", "home", "w"), None, DT, take=True)
     assert set(intent.pressed) == {Action.PLAY, Action.FRAME_BACK, Action.FIRST_FRAME, Action.FORWARD}
     assert intent.look == (0.0, 0.0)
     assert intent.gait is Gait.WALK
@@ -222,13 +220,11 @@ def test_pads_come_and_go_and_the_touched_one_drives() -> None:
     glfw = StubGlfw()
     pads = GlfwGamepads(glfw)
     state = pads.poll()
-    assert state is not None
     assert (state.name, state.left, state.right_trigger) == ("Test Pad", (0.0, 1.0), 0.0)
     glfw.present[1], glfw.axes[1] = True, 0.0
     pads.poll()
     glfw.raw[1] = -0.9
     raw = pads.poll()
-    assert raw is not None
     assert raw.name.startswith("Odd Pad")
     assert raw.left == pytest.approx((0.0, 0.9))
     glfw.present = {}
@@ -239,9 +235,7 @@ def test_a_raw_axis_that_never_rests_is_ignored() -> None:
     glfw = StubGlfw()
     glfw.present = {1: True}
     glfw.raw[0] = -1.0  # dead: always at its end
-    state = GlfwGamepads(glfw).poll()
-    assert state is not None
-    assert state.left == (0.0, 0.0)
+    assert GlfwGamepads(glfw).poll().left == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("axis", [2, 5])
@@ -253,20 +247,17 @@ def test_a_raw_trigger_counts_once_it_was_seen_released(axis: int) -> None:
     for value in (0.0, 1.0, -0.5):
         glfw.raw[axis] = value
         state = pads.poll()
-        assert state is not None
         assert (state.left_trigger, state.right_trigger, state.touched) == (0.0, 0.0, False)
         assert mapper.read(pressed_keys("w"), state, DT).gait is Gait.WALK
     glfw.raw[axis] = -1.0  # a trigger: let go
     pads.poll()
     glfw.raw[axis] = 0.0
     state = pads.poll()
-    assert state is not None
     assert (state.left_trigger, state.right_trigger) == ((0.5, 0.0) if axis == 2 else (0.0, 0.5))
     glfw.present = {}
     pads.poll()
     glfw.present = {1: True}  # another pad in its place has to show it again
     state = pads.poll()
-    assert state is not None
     assert not state.touched
 
 
@@ -277,7 +268,6 @@ def test_a_raw_pad_of_four_axes_has_no_triggers() -> None:
     pads.poll()
     glfw.raw[2] = 0.8  # the right stick
     state = pads.poll()
-    assert state is not None
     assert (state.right, state.left_trigger, state.right_trigger) == ((0.8, 0.0), 0.0, 0.0)
 
 

@@ -1,7 +1,5 @@
 """The real application without a display: names of takes, removing and undo, exports, settings, the first minute."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -9,8 +7,22 @@ import pytest
 
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import load_clip_bvh
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, record, run, texts, titles
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    do,
+    drawn,
+    export_bvh,
+    hold,
+    place,
+    press,
+    record,
+    run,
+    texts,
+    titles,
+    type_in,
+)
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.layout import STATUS_HEIGHT
@@ -28,31 +40,22 @@ def labels(app: App) -> str:
     return " ".join(label for label, _ in drawn(app))
 
 
-def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
-    run(app, 3)
-    record(app)
+    do(app, "run 3; record")
     x, y = place(app, "row")
     click(app, x, y)
     click(app, x, y)  # twice within the time of a double click
-    run(app, 3)
-    hand.text(app.window, "A proud walk")
-    run(app, 2)
-    press(app, "enter")
-    run(app, 2)
+    do(app, "run 3; type A proud walk; key enter")
     assert titles(app) == ["A proud walk"]
-    app.bvh_export.export()
-    run(app, 2)
+    export_bvh(app)
     assert (tmp_path / "a-proud-walk.bvh").is_file()
 
 
-def test_a_removed_take_comes_back_by_key_and_by_the_menu(start: Start) -> None:
-    app = start()
+def test_a_removed_take_comes_back_by_key_and_by_the_menu(app: App) -> None:
     for _ in range(3):
         record(app)
     click_on(app, ICON.trash, index=1)
-    run(app, 2)
     assert titles(app) == ["Take 1", "Take 3"]
     assert "Ctrl+Z brings it back" in said(app)
     press(app, "ctrl", "z")
@@ -82,20 +85,12 @@ def test_the_newest_take_is_in_view(start: Start, height: int) -> None:
     assert window.pos.y <= rows[0][1]
 
 
-def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_every_take_is_exported_at_once_and_no_file_is_replaced(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     (tmp_path / "take-1.bvh").write_text("of somebody else", encoding="utf-8")
-    record(app)
-    record(app)
-    run(app, 2)
-    click_on(app, "##export all")
-    run(app, 2)
-    assert sorted(path.name for path in tmp_path.glob("*.bvh")) == [
-        "take-1-2.bvh",
-        "take-1.bvh",
-        "take-2.bvh",
-    ]
+    do(app, "record; record; run 2; click ##export all")
+    names = ["take-1-2.bvh", "take-1.bvh", "take-2.bvh"]
+    assert sorted(path.name for path in tmp_path.glob("*.bvh")) == names
     assert "Saved 2 takes" in said(app)
     assert all(app.bvh_export.saved(take) for take in app.editor.session.takes)
 
@@ -104,11 +99,7 @@ def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tm
 def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size: tuple[int, int]) -> None:
     app = start(width=size[0], height=size[1])
     app.settings.export_folder = str(tmp_path)
-    record(app, 40)
-    press(app, "ctrl", "e")
-    run(app, 3)
-    click_on(app, "##export now")
-    run(app, 5)
+    do(app, "record 40; key ctrl+e; click ##export now; run 5")
     exports = app.exporting
     assert exports.report_good, exports.report
     window, size_y = imgui.internal.find_window_by_name("Export##overlay"), imgui.get_io().display_size.y
@@ -116,17 +107,13 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
     assert window.scroll.y == pytest.approx(window.scroll_max.y)
 
 
-def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_the_export_window_writes_what_the_command_writes(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
-    record(app, 40)
-    click_on(app, "##more formats")
+    do(app, "record 40; click ##more formats")
     exports = app.exporting
     app.exporting.choose_format(".bvh")
     exports.choose(fps=30.0, rest_frame=True, ground=".obj")
-    run(app, 3)
-    click_on(app, "##export now")
-    run(app, 2)
+    do(app, "run 3; click ##export now")
     assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
     assert (tmp_path / "take-1-ground.obj").is_file()
     assert "21 frames at 30 fps" in app.exporting.report
@@ -135,38 +122,27 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     assert app.bvh_export.saved(take) is None  # half the frames
     exports.choose(in_place=True)
     click_on(app, "##export now")
-    run(app, 2)
     assert "In place with a ground next to it" in app.exporting.report
     press(app, "escape")
-    run(app, 2)
     assert "##export now" not in labels(app)
 
 
-def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
-    app = start()
-    run(app, 2)
+def test_settings_are_chosen_in_a_window(app: App, tmp_path: Path) -> None:
     click_on(app, "##settings")
-    run(app, 2)
     settings = app.settings
     click_on(app, "Invert look")
     assert settings.invert_look
-    click_on(app, "##ui scale")
-    click_on(app, "150 %")
-    run(app, 2)
+    do(app, "click ##ui scale; click 150 %")
     assert settings.ui_scale == app.window.ui_scale == 1.5
-    click_on(app, "##text size")
-    click_on(app, "Large")
-    run(app, 2)
+    do(app, "click ##text size; click Large")
     assert imgui.get_style().font_scale_main == pytest.approx(1.15)
     click_on(app, "Back to the defaults")
-    run(app, 2)
     assert (settings.ui_scale, settings.text_size, settings.invert_look) == (0.0, 1.0, False)
     press(app, "escape")
     assert not app.settings_window.shown
 
 
-def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_another_model_is_loaded_by_a_dialog_and_remembered(app: App, tmp_path: Path) -> None:
     before = app.scene.controller
     app.settings_window.choose_model(tmp_path)
     run(app, 2)
@@ -177,42 +153,38 @@ def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_pa
     assert "is missing" in said(app)
 
 
-def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_the_first_minute_ticks_itself_off_and_does_not_come_back(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     run(app, 3)
     guide = app.guide
     guide.begin()
-    app.window.inject_key("w", True)
-    run(app, 70)
-    app.window.inject_key("w", False)
+    hold(app, "w", 70)
     assert guide.is_done(0)
-    app.prompting.submit_prompt("a proud king")
-    run(app, 2)
+    do(app, "prompt a proud king; run 2")
     app.prompting.parts["left_arm"] = "the left arm hangs"
     app.prompting.submit_part("left_arm")
-    run(app, 2)
-    record(app)
+    do(app, "run 2; record")
     assert [guide.is_done(step) for step in range(len(STEPS))] == [True, True, True, True, False]
-    app.bvh_export.export()
-    run(app, 2)
+    export_bvh(app)
     assert guide.is_done(4)
     guide._left_s = 0.05
     run(app, 5)
     assert not guide.shown
     assert app.settings.first_minute_seen
     guide.begin()
-    run(app, 2)
-    click_on(app, "##guide")
+    do(app, "run 2; click ##guide")
     assert not guide.shown
 
 
 def test_a_message_leaves_when_it_holds_no_longer() -> None:
     now = [0.0]
     messages = Messages(clock=lambda: now[0])
-    messages.error("no such ground", "terrain")
+    messages.error("no such\nground", "terrain")
     now[0] = 1000.0
-    assert messages.current is not None  # an error stays
+    assert messages.current.text == "no such ground"  # an error stays
+    messages.note("fine")
+    assert messages.current.text == "fine"
+    now[0] = 2000.0  # it has faded
     messages.settle("model")
     assert messages.current is not None
     messages.settle("terrain")
@@ -260,13 +232,11 @@ def test_the_line_shows_what_weighs_more_first_and_again_what_holds(
     assert [m.text for m in messages.recent] == [text for text in said.values() if text != "over"]
 
 
-def test_behind_the_line_is_a_list_with_what_can_be_done(start: Start) -> None:
-    app = start()
+def test_behind_the_line_is_a_list_with_what_can_be_done(app: App) -> None:
     app.messages.error(FileError("dunes.png: damaged.", "Save it again as PNG."), "ground")
     app.messages.note("Saved walk.bvh", Path("walk.bvh"))
     run(app, 2)
     click(app, 100.0, app.window.size[1] - 15.0)
-    run(app, 2)
     said = texts(app)
     assert "Save it again as PNG." in said
     assert "dunes.png: damaged." in said
@@ -276,7 +246,6 @@ def test_behind_the_line_is_a_list_with_what_can_be_done(start: Start) -> None:
     assert "dunes.png: damaged. It is over." in texts(app)
     assert "Save it again as PNG." not in texts(app)
     press(app, "escape")
-    run(app, 2)
     assert "dunes.png: damaged. It is over." not in texts(app)
     assert app.messages.recent[0].level is Level.ERROR
 
@@ -287,39 +256,25 @@ def test_takes_are_rated_noted_searched_sorted_and_exported_as_found(start: Star
     for number in range(7):
         record(app, 4 + number)
     assert "##search takes" not in dict(drawn(app))
-    record(app, 4)
-    run(app, 3)
-    click_on(app, "Files, body, links")
-    run(app, 3)
+    do(app, "record 4; run 3; click Files, body, links")
     window = next(w for w in imgui.get_current_context().windows if "take list" in w.name)
     rows = [box for label, box in drawn(app) if label == "row"]
     whole = [b for b in rows if b[1] >= window.pos.y and b[3] <= window.pos.y + window.size.y + 1]
     assert len(whole) >= 4
-    click_on(app, "##take menu", index=6)
-    click_on(app, "Rating")
+    do(app, "click ##take menu @6; click Rating")
     click_on(app, ICON.star * 4)
     assert app.editor.session.takes[6].rating == 4
     assert app.editor.undo_label == "rating of a take"
-    click_on(app, "##take menu", index=5)
-    click_on(app, "Note")
-    hand.text(app.window, "for the queen")
-    run(app, 2)
-    press(app, "enter")
-    run(app, 3)
+    do(app, "click ##take menu @5; click Note; type for the queen; key enter")
     assert app.editor.session.takes[5].note == "for the queen"
-    click_on(app, "##order of takes")
-    click_on(app, "By rating")
+    do(app, "click ##order of takes; click By rating")
     assert app.takes.found[0].title == "Take 7"
     for text, found in (("***", ["Take 7"]), ("*****", []), ("QUEEN", ["Take 6"])):
-        click_on(app, "##search takes")
-        press(app, "ctrl", "a")
-        hand.text(app.window, text)
-        run(app, 3)
+        do(app, "click ##search takes; key ctrl+a")
+        type_in(app, text)
         assert [take.title for take in app.takes.found] == found
         assert len([label for label, _ in drawn(app) if label == "row"]) == len(found)
-    press(app, "enter")
-    click_on(app, "##export all")
-    run(app, 2)
+    do(app, "key enter; click ##export all")
     assert [path.name for path in tmp_path.glob("*.bvh")] == ["take-6.bvh"]
 
 
@@ -328,14 +283,11 @@ def test_recordings_are_numbered_by_themselves_and_the_folder_stays_under_home(
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     app = start()
-    record(app)
-    app.takes.mirror(1)
-    app.bvh_export.export()
-    run(app, 2)
+    do(app, "record; mirror 1")
+    export_bvh(app)
     record(app)
     assert titles(app)[-1] == "Take 2"
-    app.editor.undo()
-    record(app)
+    do(app, "undo; record")
     assert titles(app)[-1] == "Take 2"
     app.takes.remove(app.editor.session.takes[-1].number)
     record(app)

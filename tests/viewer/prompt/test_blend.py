@@ -1,18 +1,17 @@
 """The real application without a display: two prompts blended by body part."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from runtime.prompts.blend import read_words, write_words
 from runtime.session.prompt_blend import Side
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click_on,
     controller,
+    do,
     drawn,
     place,
+    point,
     press,
     run,
     style,
@@ -58,16 +57,11 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     app.prompting.swap()
     run(app)
     assert np.allclose(style(app), blended, atol=1e-4)
-    assert (app.prompting.boxes[Side.A].text, app.prompting.boxes[Side.B].text) == (
-        "a duck",
-        "a proud king",
-    )
+    assert (app.prompting.boxes[Side.A].text, app.prompting.boxes[Side.B].text) == ("a duck", "a proud king")
     assert words(app)["torso"] == app.prompting.parts["torso"] == "torso of a duck"
-    press(app, "ctrl", "z")
-    press(app, "ctrl", "z")
+    do(app, "key ctrl+z; key ctrl+z")
     assert app.editor.session.live.prompt.weights == (0.5,) * 6
     press(app, "ctrl", "z")
-    run(app)
     assert (app.editor.session.live.prompt.b, app.prompting.boxes[Side.B].text) == (None, "")
     press(app, "ctrl", "y")
     assert app.prompting.boxes[Side.B].text == "a duck"
@@ -79,25 +73,15 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
 
 def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     app = start(prompt="a proud king")
-    run(app, 3)
-    click_on(app, "Blend")
-    click_on(app, "##prompt B")
-    hand.text(app.window, "a duck")
-    run(app, 3)
-    press(app, "enter")
-    run(app, 2)
-    assert app.editor.session.live.prompt.b is not None
+    do(app, "run 3; click Blend; click ##prompt B; type a duck; key enter")
     assert app.editor.session.live.prompt.b.prompt == "a duck"
     assert app.editor.undo_label == "prompt B “a duck”"
     left, y = place(app, "##all")
-    hand.mouse(app.window, left, y, 0, True)
-    run(app, 2)
+    point(app, left, y, 0, True)
     for share in (0.6, 0.7, 0.9):
         right = place(app, "##all", share=share)[0]
-        hand.mouse(app.window, right, y)
-        run(app, 2)
-    hand.mouse(app.window, right, y, 0, False)
-    run(app, 2)
+        point(app, right, y)
+    point(app, right, y, 0, False)
     assert app.editor.session.live.prompt.master_weight > 0.8
     assert app.editor.undo_label == "blend of all parts"
     press(app, "ctrl", "z")  # the drag is one step
@@ -119,17 +103,14 @@ def test_an_emptied_prompt_b_ends_the_blend(start: Start) -> None:
         app.prompting.submit_prompt("a duck", Side.B)
         run(app, 2)
         assert app.editor.session.live.prompt.blended
-        click_on(app, "##prompt B")
-        press(app, "ctrl", "a")
-        press(app, "backspace")
+        do(app, "click ##prompt B; key ctrl+a; key backspace")
         assert app.editor.session.live.prompt.blended  # while it is typed into
         leave()
         run(app, 2)
         assert app.editor.session.live.prompt.b is None
         assert app.editor.undo_label == "end of the blend"
         assert np.array_equal(style(app), king)
-        press(app, "escape")
-        press(app, "escape")
+        do(app, "key escape; key escape")
     press(app, "ctrl", "z")
     assert app.prompting.boxes[Side.B].text == "a duck"
     assert app.editor.session.live.prompt.weights == (0.5,) * 6

@@ -1,7 +1,5 @@
 """The real application without a display and a language model on loopback: slow, failing, and with a key to be kept."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Callable
@@ -11,8 +9,7 @@ from typing import Any
 import pytest
 
 from runtime.session.prompt_blend import Side
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, message, press, run, run_until
+from tests.helpers.app_driver import Start, click_on, message, press, run, run_until, type_in
 from tests.helpers.slow_model import ANSWER, Model, load_model, source
 from viewer.app import App
 from viewer.jobs import Jobs, Slot
@@ -26,9 +23,7 @@ def styles(app: App) -> int:
     return len(app.scene.simulation.controller.styles)  # type: ignore[union-attr]
 
 
-# a slow endpoint
-
-
+# --- a slow endpoint
 def test_the_library_answers_at_once_and_the_language_model_when_it_can(
     asking: Callable[[], App], language_model: Model
 ) -> None:
@@ -80,20 +75,15 @@ def test_a_failing_language_model_leaves_the_librarys_words(
     assert styles(app) == count  # the same words are no new style
 
 
-# the panel
-
-
+# --- the panel
 def open_panel(app: App) -> None:
     click_on(app, "##who")
-    run(app, 2)
 
 
 def type_key(app: App, key: str) -> None:
     click_on(app, "##key")
-    hand.text(app.window, key)
-    run(app, 3)
+    type_in(app, key)
     press(app, "enter")
-    run(app, 2)
 
 
 def test_the_key_is_typed_used_and_written_nowhere(
@@ -208,9 +198,7 @@ def test_the_environment_chooses_the_language_model_at_the_start(
     assert app.language_model.name.startswith("m at 127.0.0.1")
 
 
-# a choice made while the model is being loaded
-
-
+# --- a choice made while the model is being loaded
 @pytest.fixture
 def loading(
     start: Start, language_model: Model, monkeypatch: pytest.MonkeyPatch
@@ -256,10 +244,8 @@ def test_a_language_model_chosen_while_the_model_loads_is_asked(
     app.settings.gpt_base_url, app.settings.gpt_model = language_model.url, "m"
     app.language_model.choose("gpt")
     loaded.set()
-    run_until(
-        app,
-        lambda: app.editor.session.live.prompt.a is not None and not app.jobs.busy(Slot("language model")),
-    )
+    live, busy = lambda: app.editor.session.live.prompt.a, lambda: app.jobs.busy(Slot("language model"))
+    run_until(app, lambda: live() is not None and not busy())
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: not app.prompting.pending)
     assert source(app) == ("a duck", "gpt")

@@ -1,7 +1,5 @@
 """What the viewer knows of prompts without a window: suggestions, blends as plain data, and the end of the history."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -24,9 +22,7 @@ def answer(prompt: str = "a proud king", value: float = 1.0, **changes: object) 
     return dataclasses.replace(Answer(prompt, SAID, SAID, z, "library"), **changes)  # type: ignore[arg-type]
 
 
-# suggestions
-
-
+# --- suggestions
 def test_prompts_that_begin_so_come_before_those_with_the_words() -> None:
     assert matching("pro", PROMPTS) == ["proud peacock", "a proud king"]
     assert matching("Right  LEG", PROMPTS) == ["someone limping on the right leg"]
@@ -46,8 +42,7 @@ def test_suggestions_are_own_then_matching_then_alike_without_doubles() -> None:
         ("goose step", False, 0.31),
     ]
     assert "a proud king" not in [s.text for s in suggest("A proud king", PROMPTS)]
-    many = [f"walk {i}" for i in range(30)]
-    crowded = suggest("walk", many, (), near)
+    crowded = suggest("walk", [f"walk {i}" for i in range(30)], (), near)
     assert len(crowded) == MAX_SUGGESTIONS
     assert crowded[-1].similarity is not None  # what means the like keeps a place
 
@@ -70,16 +65,13 @@ def test_the_history_has_no_doubles_and_an_end(prompts: list[str]) -> None:
             assert history[0] == " ".join(text.split())
 
 
-# edits
-
-
+# --- edits
 def test_the_master_weight_moves_what_is_not_locked() -> None:
     edit = PromptBlend((answer(), answer("b", 3.0)), ALL_A, frozenset({"head"}))
     moved = edit.with_all_weights(0.5).with_weight("torso", 1.0)
     assert moved.weights == (0.5, 0.5, 0.5, 0.5, 1.0, 0.0)
     assert moved.master_weight == pytest.approx(0.6)
     mix = moved.style()
-    assert mix is not None
     parts = sum(share * z[:, 0] for share, z in zip(mix.weights, mix.codes, strict=True))
     assert np.allclose(parts, [2.0, 2.0, 2.0, 2.0, 3.0, 1.0])
     everything = dataclasses.replace(edit, locked=frozenset(PART_NAMES))

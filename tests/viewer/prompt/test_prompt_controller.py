@@ -136,9 +136,7 @@ def room() -> Room:
     return made
 
 
-# steps
-
-
+# --- steps
 def test_every_edit_is_a_step_in_words_of_the_user(room: Room) -> None:
     controller = room.controller
     room.submit("an old\nking")
@@ -235,9 +233,7 @@ def test_the_end_of_a_blend_keeps_locked_parts(room: Room) -> None:
     assert (room.prompt.b, room.controller.boxes[Side.B].text) == (None, "")
 
 
-# the session as a whole
-
-
+# --- the session as a whole
 def test_another_session_brings_its_prompt_and_drops_questions(room: Room) -> None:
     other = room.prompt
     room.submit("a duck")
@@ -265,10 +261,8 @@ def test_another_model_encodes_every_step_before_it_is_asked_anything_new(room: 
     room.controller.poll()
     assert np.array_equal(room.styles[-1][0].codes, [workers[0].code(words("a duck"))])
     room.give()
-    assert room.prompt.a is not None
     assert np.array_equal(room.prompt.a.z, workers[0].code(room.prompt.a.words))
     kept = room.editor.session.variants[0].prompt.a
-    assert kept is not None
     assert np.array_equal(kept.z, workers[0].code(kept.words))
     for _ in range(3):
         room.editor.undo()
@@ -296,9 +290,7 @@ def test_what_the_character_does_already_is_not_handed_over(room: Room) -> None:
     assert np.array_equal(room.styles[-1][0].codes, [room.workers[0].code(words("a duck"))])
 
 
-# against a model
-
-
+# --- against a model
 @dataclass(frozen=True)
 class Side_:
     """One side of the model: its prompt, its words by part, what was said, and the question that they answer."""
@@ -390,7 +382,6 @@ class Prompts(RuleBasedStateMachine):
 
     def answer_on(self, side: Side, final: bool) -> None:
         asked = self.asked[side]
-        assert asked is not None
         source = "gpt" if asked.answered else "library"
         self.room.give(side, source, final or not asked.prompt)
         said = words(asked.prompt, source).as_tuple() if asked.prompt else asked.words
@@ -415,7 +406,6 @@ class Prompts(RuleBasedStateMachine):
                 if side is Side.B and not any(known.weights):
                     known = self.all_weights(known, 0.5)
                 return known
-            assert old is not None
             changed = {p for p, b, n in zip(PART_NAMES, old.words, said, strict=True) if b != n}
             edited = {p for p, s, n in zip(PART_NAMES, old.said, said, strict=True) if s != n}
             known = known.put(side, replace(old, words=said, number=asked.number))
@@ -457,7 +447,6 @@ class Prompts(RuleBasedStateMachine):
     @rule(part=PARTS, text=st.sampled_from(["hanging", "shaking"]))
     def edit(self, part: str, text: str) -> None:
         a = self.now.sides[0]
-        assert a is not None
         self.room.controller.parts = dict(zip(PART_NAMES, a.words, strict=True)) | {part: text}
         self.room.controller.submit_part(part)
         said = tuple(self.room.controller.parts.values())

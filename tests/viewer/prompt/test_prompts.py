@@ -1,7 +1,5 @@
 """The real application without a display: prompts typed, answered, edited, locked and undone."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
@@ -15,32 +13,30 @@ from tests.helpers.app_driver import (
     click_on,
     click_prompt_box,
     controller,
+    do,
     message,
     press,
     prompt,
     run,
     run_until,
+    type_in,
     type_prompt,
     typing,
     words,
 )
+from viewer.app import App
 
-# typing
 
-
-def test_typing_fills_the_prompt_and_never_drives(start: Start) -> None:
-    app = start()
-    run(app, 2)
+# --- typing
+def test_typing_fills_the_prompt_and_never_drives(app: App) -> None:
     click_prompt_box(app)
     app.window.inject_key("w", True)
     hand.text(app.window, "w")
     app.window.inject_key("w", False)
-    hand.text(app.window, "addling duck ")
-    run(app, 3)
+    type_in(app, "addling duck ")
     assert controller(app).z == 0.0
     assert "waddling duck" in app.prompting.boxes[Side.A].text
     press(app, "enter")
-    run(app, 2)
     assert "waddling duck" in prompt(app)
     assert "waddling duck" in app.prompting.parts["head"]
     assert app.editor.session.live.prompt.a.source == "library"
@@ -56,15 +52,13 @@ def test_a_prompt_that_cannot_be_used_keeps_the_style(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app)
     styles = len(controller(app).styles)
-    app.prompting.submit_prompt("   ")
-    run(app)
+    do(app, "prompt    ; run 1")
     assert "empty" in message(app)
     assert prompt(app) == "a proud king"
     assert len(controller(app).styles) == styles
 
 
-def test_enter_changes_the_style_at_the_next_simulated_frame(start: Start) -> None:
-    app = start()
+def test_enter_changes_the_style_at_the_next_simulated_frame(app: App) -> None:
     app.prompting.blocking = False  # as on a screen
     run(app, 3)
     type_prompt(app, "proud")
@@ -104,12 +98,8 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
     assert answer.milliseconds > 0.0
 
 
-# the six fields
-
-
-def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: Start) -> None:
-    app = start()
-    run(app)
+# --- the six fields
+def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(app: App) -> None:
     said = words(app)["torso"]
     for empty in (False, True):
         app.prompting.parts["torso"] = "torso twisting"
@@ -124,32 +114,24 @@ def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: S
         assert app.editor.session.live.prompt.a.edited == ()
 
 
-def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
-    app = start()
-    run(app, 3)
+def test_a_field_is_applied_when_it_is_left(app: App) -> None:
     click_on(app, "##words", len(PART_NAMES) - 1)
-    hand.text(app.window, " slowly")
-    run(app, 3)
+    type_in(app, " slowly")
     assert words(app)["head"] != app.prompting.parts["head"]
     click(app, app.window.size[0] / 2, app.window.size[1] / 2)  # the scene
     run(app)
     assert "slowly" in words(app)["head"]
 
 
-# undo
-
-
+# --- undo
 def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
     app = start(prompt="a proud king")
-    run(app)
-    app.prompting.submit_prompt("a duck")
+    do(app, "run 1; prompt a duck")
     type_prompt(app, "goose")
     press(app, "ctrl", "z")
     assert prompt(app) == "a duck"  # the field's own undo
     assert typing(app)
-    press(app, "escape")
-    press(app, "escape")
-    run(app)
+    do(app, "key escape; key escape")
     click_prompt_box(app)
     press(app, "ctrl", "z")  # nothing was typed
     run(app)
@@ -158,8 +140,7 @@ def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
 
 def test_words_typed_since_survive_an_undo(start: Start) -> None:
     app = start(prompt="a proud king")
-    run(app)
-    app.prompting.submit_prompt("a duck")
+    do(app, "run 1; prompt a duck")
     app.prompting.boxes[Side.A].text = "a duck that"
     app.editor.undo()
     assert (prompt(app), app.prompting.boxes[Side.A].text) == ("a proud king", "a duck that")

@@ -1,7 +1,5 @@
 """Cameras: geometry of view and ray, mouse and stick, springs, staying above ground."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -21,8 +19,7 @@ ndc = st.floats(-0.95, 0.95)
 
 @given(yaws, pitches, distances)
 def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: float, distance: float) -> None:
-    camera = OrbitCamera((1.0, 2.0, -3.0), yaw, pitch, distance)
-    view = camera.view_matrix().astype(float)
+    view = OrbitCamera((1.0, 2.0, -3.0), yaw, pitch, distance).view_matrix().astype(float)
     np.testing.assert_allclose(view[:3, :3] @ view[:3, :3].T, np.eye(3), atol=1e-5)
     assert np.linalg.det(view[:3, :3]) == pytest.approx(1.0, abs=1e-5)
     np.testing.assert_allclose(view @ [1.0, 2.0, -3.0, 1.0], [0, 0, -distance, 1], atol=1e-4 * distance)
@@ -32,9 +29,8 @@ def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: floa
 def test_heading_is_the_ground_direction_of_the_view(yaw: float, pitch: float, distance: float) -> None:
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw, pitch, distance)
     looked = camera.target - camera.position
-    assert math.remainder(math.atan2(looked[0], looked[2]) - camera.yaw, math.tau) == pytest.approx(
-        0, abs=1e-6
-    )
+    apart = math.remainder(math.atan2(looked[0], looked[2]) - camera.yaw, math.tau)
+    assert apart == pytest.approx(0, abs=1e-6)
 
 
 def view_ray(camera: Camera, x: float, y: float, aspect: float) -> tuple[np.ndarray, np.ndarray]:

@@ -3,8 +3,6 @@
 After a wanted change of the look: SPORT_UPDATE_GOLDEN=1 pytest tests/viewer/render/test_render.py, and look at tests/golden.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -46,9 +44,24 @@ def body() -> CapsuleBody:
 
 
 @pytest.fixture
-def render(target: OffscreenTarget, body: CapsuleBody) -> Iterator[Render]:
+def renderer(target: OffscreenTarget, body: CapsuleBody) -> Iterator[Callable[..., Renderer]]:
+    """Renderers of that body, released at the end."""
+    made: list[Renderer] = []
+
+    def make(quality: Quality = SOFTWARE, terrain: Terrain | None = None) -> Renderer:
+        made.append(Renderer(target.ctx, quality))
+        made[-1].set_terrain(terrain or Terrain.flat())
+        made[-1].set_character(body)
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.release()
+
+
+@pytest.fixture
+def render(target: OffscreenTarget, renderer: Callable[..., Renderer]) -> Render:
     """Draw one picture of a terrain and a pose, by default a step on level ground."""
-    renderers: list[Renderer] = []
 
     def draw(
         terrain: Terrain | None = None,
@@ -60,19 +73,13 @@ def render(target: OffscreenTarget, body: CapsuleBody) -> Iterator[Render]:
         distance: float = 3.6,
     ) -> Picture:
         ground = terrain or Terrain.flat()
-        renderer = Renderer(target.ctx, quality)
-        renderers.append(renderer)
-        renderer.set_terrain(ground)
-        renderer.set_character(body)
         shown = walking_pose(ground) if pose is True else pose or None
         camera = OrbitCamera((0.0, float(ground.height(0, 0)) + 0.85, 0.0), yaw, pitch, distance)
-        renderer.render(target.framebuffer, camera, shown, overlays or Overlays())
+        renderer(quality, ground).render(target.framebuffer, camera, shown, overlays or Overlays())
         assert target.ctx.error == "GL_NO_ERROR"
         return target.read()
 
-    yield draw
-    for renderer in renderers:
-        renderer.release()
+    return draw
 
 
 def trajectory(terrain: Terrain) -> TrajectoryOverlay:
@@ -92,9 +99,8 @@ def test_golden_stairs_with_overlays(render: Render) -> None:
 
 def test_golden_hills_high_with_others(render: Render) -> None:
     terrain = hills()
-    overlays = Overlays(
-        ghosts=[walking_pose(terrain, 0.7, 0.3, -0.5)], extra_poses=[walking_pose(terrain, -0.8, -0.2)]
-    )
+    ghost, extra = walking_pose(terrain, 0.7, 0.3, -0.5), walking_pose(terrain, -0.8, -0.2)
+    overlays = Overlays(ghosts=[ghost], extra_poses=[extra])
     check_golden("hills_others_high", render(terrain, overlays, SMALL_HIGH))
 
 
@@ -134,8 +140,7 @@ def test_high_quality_ground_does_not_shade_itself(render: Render) -> None:
     options = {"overlays": Overlays(show_grid=False), "pose": far_pose, "yaw": -2.2, "pitch": 0.7}
     for terrain in (Terrain.flat(), Terrain("level", np.zeros((401, 401), np.float32), 0.05, (-10.0, -10.0))):
         picture = brightness(render(terrain, quality=SMALL_HIGH, **options))
-        middle = picture[50:90, 60:100]
-        assert np.ptp(middle) < 8, "stripes"
+        assert np.ptp(picture[50:90, 60:100]) < 8, "stripes"
 
 
 def raised(pose: Pose, height: float) -> Pose:
@@ -151,10 +156,8 @@ def test_feet_darken_the_ground_only_when_near(render: Render) -> None:
     camera = OrbitCamera((0.0, 0.85, 0.0), 3.8, 0.8, 3.0)
     spot = np.array([toe[0] + 0.02, 0.0, toe[2] + 0.085, 1.0])  # towards the sun, before the toe
     clip = camera.projection_matrix(WIDTH / HEIGHT) @ camera.view_matrix() @ spot
-    column, row = (
-        round((0.5 + 0.5 * clip[0] / clip[3]) * WIDTH),
-        round((0.5 - 0.5 * clip[1] / clip[3]) * HEIGHT),
-    )
+    column = round((0.5 + 0.5 * clip[0] / clip[3]) * WIDTH)
+    row = round((0.5 - 0.5 * clip[1] / clip[3]) * HEIGHT)
     options = {"yaw": 3.8, "pitch": 0.8, "overlays": Overlays(show_grid=False), "distance": 3.0}
     bare, stood, jumped = (brightness(render(pose=p, **options))[row, column] for p in (None, pose, lifted))
     assert bare - stood > 20
@@ -168,10 +171,8 @@ def test_ghosts_are_fainter_where_they_would_hide_the_character(render: Render) 
     solid = np.abs(render(pose=pose).astype(int) - bare).max(-1)
     assert alone.max() < 0.8 * solid.max()  # the ground shows through
     far = render(pose=behind, yaw=0.0).astype(int)
-    covering = np.abs(render(pose=behind, yaw=0.0, overlays=Overlays(ghosts=[pose])).astype(int) - far).max(
-        -1
-    )
-    assert 0 < covering.max() < 0.7 * alone.max()
+    ghosted = render(pose=behind, yaw=0.0, overlays=Overlays(ghosts=[pose]))
+    assert 0 < np.abs(ghosted.astype(int) - far).max(-1).max() < 0.7 * alone.max()
 
 
 def test_frames_of_a_take_hide_nothing_of_the_character(render: Render) -> None:
@@ -191,53 +192,48 @@ def test_each_overlay_is_drawn(render: Render, name: str) -> None:
     terrain = hills()
     shown = {"trajectory": trajectory(terrain)}.get(name, True)
     with_overlay = render(terrain, Overlays(**{name: shown})).astype(int)
-    changed = np.abs(with_overlay - render(terrain, Overlays())).max(-1)
-    assert (changed > 40).sum() > 30
+    assert (np.abs(with_overlay - render(terrain, Overlays())).max(-1) > 40).sum() > 30
 
 
-def test_overlays_leave_the_next_frame_alone(target: OffscreenTarget, body: CapsuleBody) -> None:
-    terrain = hills()
-    renderer = Renderer(target.ctx, SOFTWARE)
-    renderer.set_terrain(terrain)
-    renderer.set_character(body)
-    pose, camera = walking_pose(terrain), OrbitCamera()
-    pictures = []
+def test_overlays_leave_the_next_frame_alone(
+    target: OffscreenTarget, renderer: Callable[..., Renderer]
+) -> None:
+    terrain, pictures = hills(), []
+    drawer, pose, camera = renderer(SOFTWARE, terrain), walking_pose(terrain), OrbitCamera()
     busy = replace(everything(terrain), ghosts=[pose], extra_poses=[pose])
     for overlays in (Overlays(), busy, Overlays()):
-        renderer.render(target.framebuffer, camera, pose, overlays)
+        drawer.render(target.framebuffer, camera, pose, overlays)
         pictures.append(target.read())
-    renderer.release()
     np.testing.assert_array_equal(pictures[0], pictures[2])
 
 
 def test_scale_and_samples_change_edges_only(render: Render) -> None:
     plain = replace(SOFTWARE, smooth_edges="")
     reference = render(quality=plain).astype(int)
-    for quality in (
+    finer = (
         replace(plain, render_scale=0.5),
         replace(plain, msaa=4),
         replace(plain, msaa=4, render_scale=1.5),
-        SOFTWARE,
-    ):
+    )
+    for quality in (*finer, SOFTWARE):
         difference = np.abs(render(quality=quality).astype(int) - reference).max(-1)
         assert 0 < (difference > 3).mean() < 0.35
         assert difference.mean() < 6
 
 
-def test_a_target_with_depth_and_another_size_each_frame(target: OffscreenTarget, body: CapsuleBody) -> None:
-    renderer = Renderer(target.ctx, SMALL_HIGH)
-    renderer.set_terrain(Terrain.flat())
-    renderer.set_character(body)
+def test_a_target_with_depth_and_another_size_each_frame(
+    target: OffscreenTarget, renderer: Callable[..., Renderer]
+) -> None:
+    drawer = renderer(SMALL_HIGH)
     for size in ((64, 48), (101, 37), (1, 1)):
         color, depth = target.ctx.texture(size, 4), target.ctx.depth_renderbuffer(size)
         framebuffer = target.ctx.framebuffer([color], depth)
-        renderer.render(framebuffer, OrbitCamera(), walking_pose(Terrain.flat()), Overlays())
+        drawer.render(framebuffer, OrbitCamera(), walking_pose(Terrain.flat()), Overlays())
         assert target.ctx.error == "GL_NO_ERROR"
         assert max(framebuffer.read(components=3, alignment=1)) > 100
         target.framebuffer.use()
         for part in (framebuffer, color, depth):
             part.release()
-    renderer.release()
 
 
 def test_without_terrain_and_character_there_is_sky(target: OffscreenTarget) -> None:
@@ -247,25 +243,23 @@ def test_without_terrain_and_character_there_is_sky(target: OffscreenTarget) -> 
     renderer.release()
 
 
-def test_a_large_terrain_is_drawn_wherever_the_focus_is(target: OffscreenTarget) -> None:
-    n = 1400
-    terrain = Terrain("large", np.zeros((n + 1, n + 1), np.float32), 0.05, (0.0, 0.0))
-    renderer = Renderer(target.ctx, SOFTWARE)
-    renderer.set_terrain(terrain)
-    pictures = []
+def test_a_large_terrain_is_drawn_wherever_the_focus_is(
+    target: OffscreenTarget, renderer: Callable[..., Renderer]
+) -> None:
+    terrain = Terrain("large", np.zeros((1401, 1401), np.float32), 0.05, (0.0, 0.0))
+    drawer, pictures = renderer(SOFTWARE, terrain), []
     for x, z in ((20.0, 20.0), (55.0, 45.0)):  # the same place of the grid
         camera = OrbitCamera((x, 0.9, z), 0.4, 0.4, 5.0)
-        renderer.render(target.framebuffer, camera, None, Overlays())
+        drawer.render(target.framebuffer, camera, None, Overlays())
         pictures.append(target.read().astype(int))
-    renderer.release()
     assert np.abs(pictures[0] - pictures[1]).mean() < 1.0
 
 
-def test_too_many_joints_are_refused_with_a_remedy(target: OffscreenTarget, body: CapsuleBody) -> None:
-    renderer = Renderer(target.ctx, SOFTWARE)
+def test_too_many_joints_are_refused_with_a_remedy(
+    renderer: Callable[..., Renderer], body: CapsuleBody
+) -> None:
     with pytest.raises(FileError, match="300 joints, expected at most 256"):
-        renderer.set_character(replace(body, joint_indices=np.full_like(body.joint_indices, 299)))
-    renderer.release()
+        renderer().set_character(replace(body, joint_indices=np.full_like(body.joint_indices, 299)))
 
 
 def test_large_windows_are_rendered_smaller_in_software() -> None:

@@ -1,7 +1,5 @@
 """The real application without a display, driven by keys, pads and scripts."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace
@@ -12,15 +10,13 @@ import pytest
 from runtime.session.prompt_blend import Side
 from runtime.traversal.traversal import KINDS
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, controller, message, run
-from viewer.gl_bindings import imgui
+from tests.helpers.app_driver import Start, controller, message, run, texts, type_key
+from viewer.app import App
 from viewer.input.gamepad import GamepadState
 from viewer.scene.simulation import TRAVERSALS
 
 
-def test_key_w_moves_the_character_at_once(start: Start) -> None:
-    app = start()
-    run(app)
+def test_key_w_moves_the_character_at_once(app: App) -> None:
     app.window.inject_key("w", True)
     run(app, 1)
     assert controller(app).z > 0.0
@@ -64,18 +60,13 @@ def test_stick_moves_relative_to_the_camera(start: Start) -> None:
     assert app.state.device == "keyboard"
 
 
-def test_keys_that_follow_enter_at_once_are_words(start: Start) -> None:
+def test_keys_that_follow_enter_at_once_are_words(app: App) -> None:
     """On a slow machine a whole word arrives within two frames."""
-    app = start()
-    run(app, 3)
-    press_down = app.window.inject_key
-    press_down("enter", True)
-    press_down("enter", False)
+    app.window.inject_key("enter", True)
+    app.window.inject_key("enter", False)
     run(app, 2)
     for letter in "drunk":
-        press_down(letter, True)
-        hand.text(app.window, letter)
-        press_down(letter, False)
+        type_key(app, letter)
         run(app)
     run(app, 3)
     assert not app.takes.recording
@@ -83,9 +74,7 @@ def test_keys_that_follow_enter_at_once_are_words(start: Start) -> None:
     assert app.prompting.boxes[Side.A].text == "drunk"
 
 
-def test_focus_loss_releases_keys(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_focus_loss_releases_keys(app: App) -> None:
     app.window.inject_key("w", True)
     run(app, 2)
     hand.focus(app.window, False)
@@ -94,9 +83,7 @@ def test_focus_loss_releases_keys(start: Start) -> None:
     assert controller(app).z == before > 0.0
 
 
-def test_function_keys_toggle_what_is_shown(start: Start) -> None:
-    app = start()
-    run(app)
+def test_function_keys_toggle_what_is_shown(app: App) -> None:
     assert not app.settings.show_skeleton
     for key in ("f3", "f1", "f10"):
         app.window.inject_key(key, True)
@@ -114,22 +101,13 @@ def test_the_status_line_says_what_is_keyed_over_an_obstacle(start: Start) -> No
     assert set(TRAVERSALS) == set(KINDS) - {""}
     app = start()
     run(app, 2)
-    shown: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        real = imgui.text_unformatted
-        patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
-        controller(app).traversal = "gap"
-        run(app)
-        assert any("keyed: leap over a gap" in text for text in shown)
-        shown.clear()
-        controller(app).traversal = ""
-        run(app)
-    assert not any("keyed" in text for text in shown)
+    controller(app).traversal = "gap"
+    assert any("keyed: leap over a gap" in text for text in texts(app))
+    controller(app).traversal = ""
+    assert not any("keyed" in text for text in texts(app))
 
 
-def test_the_status_line_says_why_the_character_does_not_go_on(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_the_status_line_says_why_the_character_does_not_go_on(app: App) -> None:
     controller(app).blocked = "The way ahead is blocked: a step up of 2.0 m."
     run(app, 3)
     assert message(app) == "The way ahead is blocked: a step up of 2.0 m."

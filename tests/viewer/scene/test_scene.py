@@ -1,7 +1,5 @@
 """The real application without a display: grounds, characters, dropped files, and models that fail."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from runtime.character.writer import write_character
 from runtime.controls import Controls
 from runtime.errors import SportError
 from runtime.terrain.files import write_height_png
-from tests.helpers.app_driver import InjectedPads, Start, controller, message, record, run
+from tests.helpers.app_driver import InjectedPads, Start, controller, do, message, record, run
 from tests.helpers.gltf_characters import user_character
 from tests.helpers.viewer_fakes import FakeRenderer, fake_services
 from viewer.app import App
@@ -24,9 +22,7 @@ from viewer.scene.simulation import MAX_FAILURES
 from viewer.services import Services
 
 
-def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(start: Start) -> None:
-    app = start()
-    run(app)
+def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(app: App) -> None:
     before = app.scene.terrain
     for spec in ("moon", "/nowhere/map.png"):
         app.scene.load_terrain(spec)
@@ -37,32 +33,22 @@ def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(start: Start) -
         assert app.scene.loading == ""
 
 
-def test_offscreen_a_wrong_option_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(SportError, match="moon"):
-        App(ViewOptions(offscreen=True, terrain="moon"), fake_services(), InjectedPads(), tmp_path)
+@pytest.mark.parametrize(("option", "said"), [({"terrain": "moon"}, "moon"), ({"prompt": " "}, "empty")])
+def test_offscreen_a_wrong_option_is_an_error(option: dict[str, str], said: str, tmp_path: Path) -> None:
+    options = ViewOptions(**{"offscreen": True, "terrain": "flat", **option})
+    with pytest.raises(SportError, match=said):
+        App(options, fake_services(), InjectedPads(), tmp_path)
 
 
-def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(SportError, match="empty"):
-        App(
-            ViewOptions(offscreen=True, terrain="flat", prompt=" "), fake_services(), InjectedPads(), tmp_path
-        )
-
-
-def test_terrain_reaches_model_and_renderer(start: Start) -> None:
-    app = start()
-    run(app)
-    app.scene.load_terrain("stairs")
-    run(app)
+def test_terrain_reaches_model_and_renderer(app: App) -> None:
+    do(app, "ground stairs; run 1")
     renderer = app.scene.renderer
     assert isinstance(renderer, FakeRenderer)
     assert controller(app).terrain is app.scene.terrain is renderer.terrain
     assert app.scene.terrain.name == "stairs"
 
 
-def test_strength_reaches_the_model_and_stays_in_the_settings(start: Start) -> None:
-    app = start()
-    run(app)
+def test_strength_reaches_the_model_and_stays_in_the_settings(app: App) -> None:
     app.settings.strength = 1.2
     run(app)
     assert controller(app).strength == 1.2
@@ -80,9 +66,7 @@ def test_response_reaches_the_model_from_the_command_and_the_scene(start: Start)
     assert controller(app).response == 1.0
 
 
-def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> None:
-    app = start()
-    run(app)
+def test_dropped_files_go_where_they_belong(app: App, tmp_path: Path) -> None:
     shutil.copy(asset_path("character/mannequin.glb"), tmp_path / "hero.glb")
     app.open_files([tmp_path / "hero.glb", tmp_path / "notes.txt"])
     run(app)
@@ -97,8 +81,7 @@ def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> Non
     assert app.editor.session.takes == ()
 
 
-def test_a_glb_of_a_take_that_was_exported_here_is_a_take_alone(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_glb_of_a_take_that_was_exported_here_is_a_take_alone(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     record(app, 40)
     app.exporting.open()
@@ -129,10 +112,8 @@ def test_a_dropped_mesh_without_a_skin_is_a_ground(start: Start, tmp_path: Path,
 
 
 def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_comes_in_every_step(
-    start: Start,
+    app: App,
 ) -> None:
-    app = start()
-    run(app, 3)
     fake = controller(app)
     fake.message = "The network gave rubbish."
     run(app, 1)
@@ -148,9 +129,7 @@ def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_c
 
 
 @pytest.mark.parametrize("broken", ["nan", "exception"])
-def test_a_failing_model_leaves_the_last_good_pose(start: Start, broken: str) -> None:
-    app = start()
-    run(app, 3)
+def test_a_failing_model_leaves_the_last_good_pose(app: App, broken: str) -> None:
     good = app.scene.simulation.current
     fake = controller(app)
     if broken == "nan":
@@ -170,9 +149,8 @@ def test_a_failing_model_leaves_the_last_good_pose(start: Start, broken: str) ->
 
 @pytest.mark.parametrize("panels", [True, False])
 def test_without_panels_saved_frames_hold_the_scene_alone(start: Start, tmp_path: Path, panels: bool) -> None:
-    app = start(
-        real_renderer=True, width=640, height=360, panels=panels, frames_directory=tmp_path / "frames"
-    )
+    frames = tmp_path / "frames"
+    app = start(real_renderer=True, width=640, height=360, panels=panels, frames_directory=frames)
     run(app, 3)
     frame = np.asarray(Image.open(tmp_path / "frames" / "frame_00002.png")).astype(int)
     status, above = frame[-26:], frame[-80:-40]
@@ -180,9 +158,7 @@ def test_without_panels_saved_frames_hold_the_scene_alone(start: Start, tmp_path
     assert (dark > 60) if panels else (abs(dark) < 25), dark
 
 
-def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(app: App) -> None:
     for _ in range(7):
         app.scene.lower_quality(12.0, 1.0)
     assert (app.scene.renderer.quality.name, app.settings.quality) == ("fast", "")
@@ -193,9 +169,7 @@ def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(start: St
     assert app.scene.renderer.quality.name == "software"
 
 
-def test_the_motion_keeps_its_own_time_at_five_frames_a_second(start: Start) -> None:
-    app = start()
-    run(app, 2)
+def test_the_motion_keeps_its_own_time_at_five_frames_a_second(app: App) -> None:
     simulation, steps = app.scene.simulation, controller(app).steps
     for _ in range(10):
         simulation.model_ms = 2.0
@@ -221,13 +195,8 @@ def test_grounds_of_files_are_in_the_list_and_undo_takes_a_choice_from_the_next_
         assert app.settings.terrain == remembered
 
 
-def test_another_ground_ends_the_take_that_plays(start: Start) -> None:
-    app = start()
-    record(app, 30)
-    app.takes.play(1)
-    run(app, 2)
-    app.scene.load_terrain("hills")
-    run(app, 2)
+def test_another_ground_ends_the_take_that_plays(app: App) -> None:
+    do(app, "record 30; play 1; run 2; ground hills; run 2")
     assert app.takes.playback is None
     assert app.takes.ground_to_show().terrain is app.scene.terrain
 

@@ -1,13 +1,10 @@
 """The real application without a display: the view panned, orbited, zoomed and framed by mouse and keys."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from runtime.takes.pins import Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, press, run
+from tests.helpers.app_driver import Start, click_on, do, point, press, run, wheel
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -22,14 +19,10 @@ def drag(app: App, button: int, *held: str, dx: float = 40.0, dy: float = 0.0) -
     x, y = 0.55 * size.x, 0.4 * size.y
     for key in held:
         app.window.inject_key(key, True)
-    hand.mouse(app.window, x, y)
-    run(app, 2)
-    hand.mouse(app.window, x, y, button, True)
-    run(app, 3)
-    hand.mouse(app.window, x + dx, y + dy)
-    run(app, 2)
-    hand.mouse(app.window, x + dx, y + dy, button, False)
-    run(app, 2)
+    point(app, x, y)
+    point(app, x, y, button, True)
+    point(app, x + dx, y + dy)
+    point(app, x + dx, y + dy, button, False)
     for key in held:
         app.window.inject_key(key, False)
     run(app)
@@ -78,7 +71,6 @@ def test_the_habits_of_other_programs(
     run(app, 2)
     click_on(app, program)
     press(app, "escape")
-    run(app, 2)
     assert not app.settings_window.shown
     before = view(app)
     drag(app, *orbit)
@@ -97,32 +89,24 @@ def test_the_wheel_zooms_at_the_pointer(start: Start, steps: float) -> None:
     app = start(camera="orbit", panels=False)
     run(app, 60)
     size = imgui.get_io().display_size
-    point = app.scene.simulation.current.positions[-1]
+    joint = app.scene.simulation.current.positions[-1]
     camera = app.scene.camera.current
-    depth = camera.view_matrix().astype(float) @ np.append(point, 1.0)
+    depth = camera.view_matrix().astype(float) @ np.append(joint, 1.0)
     target = camera.view_matrix().astype(float) @ np.append(camera.target, 1.0)
-    point = point + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
-    at = on_screen(camera, point, size)
+    joint = joint + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
+    at = on_screen(camera, joint, size)
     assert at is not None
-    hand.mouse(app.window, *at)
-    run(app, 2)
+    point(app, *at)
     before = camera.distance
-    hand.wheel(app.window, steps)
-    run(app, 2)
+    wheel(app, steps)
     assert (camera.distance < before) == (steps > 0)
-    assert on_screen(camera, point, size) == pytest.approx(at, abs=3.0)
+    assert on_screen(camera, joint, size) == pytest.approx(at, abs=3.0)
 
 
-def test_f_frames_the_selected_pin_and_0_the_character(start: Start) -> None:
-    app = start()
-    run(app, 2)
-    app.takes.toggle_recording()
-    run(app, 30)
-    app.takes.toggle_recording()
-    app.takes.play(1)
+def test_f_frames_the_selected_pin_and_0_the_character(app: App) -> None:
+    do(app, "stand 30; play 1")
     app.pins.add(Pinned.LEFT_HAND)
-    run(app, 2)
-    press(app, "f")
+    do(app, "run 2; key f")
     assert app.scene.camera.mode == "orbit"
     assert app.scene.camera.current.target == pytest.approx(app.pins.place, abs=0.02)
     press(app, "0")

@@ -1,7 +1,5 @@
 """The end of the program: in time, whatever runs, and with every take kept."""
 
-from __future__ import annotations
-
 import os
 import signal
 import tempfile
@@ -18,7 +16,7 @@ from runtime.session import database, library
 from runtime.session.database import Database
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import lock_of
-from tests.helpers.app_driver import Start, run
+from tests.helpers.app_driver import Start, record_standing, run
 from tests.helpers.viewer_fakes import fake_services
 from viewer import app as app_module
 from viewer import process, workspace
@@ -60,15 +58,10 @@ def test_the_program_ends_in_time_and_the_next_start_has_the_take(
 
     disk = what in ("a slow disk", "a disk that hangs", "no room")
     # a busy machine must not decide: a disk that works has time, and so has what is handed over
-    for module, name, seconds in (
-        [(database, "HAND_OVER_S", 30.0)]
-        if disk
-        else [(app_module, "END_S", 30.0), (app_module, "SESSION_S", 29.8)]
-    ):
+    ends = [(database, "HAND_OVER_S", 30.0)] if disk else []
+    for module, name, seconds in ends or [(app_module, "END_S", 30.0), (app_module, "SESSION_S", 29.8)]:
         monkeypatch.setattr(module, name, seconds)
-    app.takes.toggle_recording()
-    run(app, 20)
-    app.takes.toggle_recording()
+    record_standing(app, 20)
     app.editor.file.flush(10.0)
     if disk:
         monkeypatch.setattr(Database, "_keep_there", full if what == "no room" else late)
@@ -80,9 +73,8 @@ def test_the_program_ends_in_time_and_the_next_start_has_the_take(
         for _ in range(11):
             app.jobs.submit(Slot("blend"), lambda: wait(never, 60.0), lambda _: None)
     elif what == "an export":
-        app.jobs.submit(
-            Slot("export", "x"), lambda: wait(never, 60.0), lambda _: None, writing="the export of x"
-        )
+        work, slot = partial(wait, never, 60.0), Slot("export", "x")
+        app.jobs.submit(slot, work, lambda _: None, writing="the export of x")
     elif what == "a film that ends when told":
         film = lambda: wait(given_up, 60.0)  # noqa: E731
         app.jobs.submit(Slot("export"), film, lambda _: None, writing="the film", cancel=given_up.set)
@@ -150,13 +142,11 @@ def test_jobs_about_two_things_of_one_name_do_not_meet_and_are_named_in_words() 
         assert time.monotonic() < end
         jobs.deliver()
     assert done == [second]
-    assert messages.current is not None
     assert messages.current.text.startswith("alps.png: not enough memory.")
     assert not messages.current.settled  # what went well was about the other one
     jobs.submit(Slot("ground of a take", first), lambda: first, done.append)
     while jobs.busy(Slot("ground of a take", first)):
         jobs.deliver()
-    assert messages.current is not None
     assert messages.current.settled
 
 
@@ -170,10 +160,8 @@ def test_a_damaged_file_that_two_jobs_read_is_one_sentence() -> None:
     with jobs.together():
         for kind, file in (("character", "a.glb"), ("take", "a.glb"), ("take", "b.glb")):
             jobs.submit(Slot(kind, file), partial(fail, f"{file} as a {kind}"), lambda _: None, reading=file)
-    assert [message.text for message in messages.recent] == [
-        "a.glb as a character: damaged.",
-        "b.glb as a take: damaged.",
-    ]
+    wanted = ["a.glb as a character: damaged.", "b.glb as a take: damaged."]
+    assert [message.text for message in messages.recent] == wanted
 
 
 def test_a_result_that_a_newer_job_has_replaced_is_not_handed_over() -> None:

@@ -1,7 +1,5 @@
 """Real processes that record or edit and are killed, interrupted or find no room; all of them: `python -m tests.faults`."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +10,7 @@ from tests.faults import faults
 from tests.faults.faults import Outcome
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
-QUICK = (
-    "killed by SIGKILL",
-    "display gone",
-    "Ctrl+C four times",
-    "disk full",
-    "two runs end at once",
-)
+QUICK = ("killed by SIGKILL", "display gone", "Ctrl+C four times", "disk full", "two runs end at once")
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -1,7 +1,5 @@
 """The real application without a display: a session is new, opened, saved, copied, reverted, and outlives every bad moment."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -25,18 +23,18 @@ from runtime.session.motion import Motion
 from runtime.session.session import ModelName, Reference, Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.terrain.files import write_height_png
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click_on,
+    do,
     drawn,
-    press,
     prompt,
     record,
     run,
     run_until,
     texts,
     titles,
+    type_in,
 )
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
@@ -72,27 +70,19 @@ def make_named(path: Path) -> Path:
 
 
 # --- everything is there again
-
-
 def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, tmp_path: Path) -> None:
     write_height_png(tmp_path / "dunes.png", np.random.default_rng(1).random((40, 40)))
     write_character(tmp_path / "me.glb", user_character())
     app = start()
     app.open_files([tmp_path / "dunes.png", tmp_path / "me.glb"])
-    app.prompting.submit_prompt("a proud king")
-    run(app, 2)
-    record(app)
-    record(app, 40)
+    do(app, "prompt a proud king; run 2; record; record 40")
     app.takes.rename(2, "long walk")
     app.takes.play(2)
     app.takes.playback.seek(20)  # type: ignore[union-attr]
     app.editing.insert_prompt("an old king")
     app.takes.trim(5, 30)
     app.camera_keys.add()
-    app.takes.close_playback()
-    app.takes.mirror(1)
-    app.takes.close_playback()
-    app.editor.undo()
+    do(app, "close; mirror 1; close; undo")
     app.sessions.save_as(tmp_path / "walks")
     assert said(app) == f"Saved {tmp_path / 'walks.sport'}."
     assert app.sessions.name == "walks"
@@ -108,11 +98,9 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
     assert text_of(again.editor.session) == before
     assert (again.editor.undo_label, again.editor.redo_label) == (undo, redo)
     assert titles(again) == ["Take 1", "long walk"]
-    assert np.allclose(
-        again.editor.session.takes[1].made.clip.local_rotations, clip.local_rotations, atol=4e-5
-    )
+    turns = again.editor.session.takes[1].made.clip.local_rotations
+    assert np.allclose(turns, clip.local_rotations, atol=4e-5)
     assert Path(again.scene.terrain_spec).name == "dunes.png"
-    assert again.scene.character_path is not None
     assert again.scene.character_path.name == "me.glb"
     assert prompt(again) == "a proud king"
     again.editor.redo()
@@ -127,8 +115,6 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
 
 
 # --- from one session to the other
-
-
 def test_each_take_is_in_the_session_in_which_it_was_recorded(start: Start, tmp_path: Path) -> None:
     cache, paths = tmp_path / "cache", [tmp_path / "a.sport", tmp_path / "b.sport"]
     for path in paths:
@@ -155,10 +141,8 @@ def test_each_take_is_in_the_session_in_which_it_was_recorded(start: Start, tmp_
     assert app.sessions.earlier == []
 
 
-def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start) -> None:
-    app = start()
-    record(app, 60)
-    app.takes.play(1)
+def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(app: App) -> None:
+    do(app, "record 60; play 1")
     playback = app.takes.playback
     assert playback is not None
     for frame in (10, 20, 30):
@@ -172,8 +156,7 @@ def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(start: Start
     assert [round(key.seconds * 60) for key in app.camera_keys.keys] == [20, 30, 40]
 
 
-def test_save_as_of_an_untitled_session_removes_the_untitled_file(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_save_as_of_an_untitled_session_removes_the_untitled_file(app: App, tmp_path: Path) -> None:
     record(app)
     assert app.editor.file.flush(60.0)
     assert len(list(untitled(tmp_path).glob("*.sport"))) == 1
@@ -195,8 +178,7 @@ def test_two_windows_on_one_session_the_second_has_a_copy(start: Start, tmp_path
     assert titles(app) == ["named"]
     app.takes.rename(1, "of the second")
     record(app)
-    first = edits.renamed(history.present.session, 1, "of the first")
-    history.push("name", first)
+    history.push("name", edits.renamed(history.present.session, 1, "of the first"))
     other.write(history)
     copy = app.editor.file.path
     app.interrupt()
@@ -206,8 +188,7 @@ def test_two_windows_on_one_session_the_second_has_a_copy(start: Start, tmp_path
     assert [t.title for t in in_file(copy, tmp_path).takes] == ["of the second", "Take 1"]
 
 
-def test_the_session_that_is_open_is_not_opened_again(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_the_session_that_is_open_is_not_opened_again(app: App, tmp_path: Path) -> None:
     record(app)
     app.sessions.save_as(tmp_path / "a.sport")
     (tmp_path / "link.sport").symlink_to(tmp_path / "a.sport")
@@ -218,18 +199,13 @@ def test_the_session_that_is_open_is_not_opened_again(start: Start, tmp_path: Pa
 
 
 # --- of others
-
-
 @pytest.mark.parametrize("where", ["elsewhere", "a link", "http:", "beside it", "chosen before"])
 def test_a_film_of_a_session_is_read_where_it_lies_with_it_or_was_chosen_here(
     where: str, start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     foreign, home = tmp_path / "foreign", tmp_path / "home"
-    films = {
-        "http:": "http://127.0.0.1:9/a.mp4",
-        "beside it": str(home / "films" / "a.mp4"),
-        "a link": str(home / "link.mp4"),
-    }
+    films = {name: str(home / path) for name, path in (("beside it", "films/a.mp4"), ("a link", "link.mp4"))}
+    films["http:"] = "http://127.0.0.1:9/a.mp4"
     film, read = films.get(where, str(foreign / "a.mp4")), list[Path]()
     session = replace(Session(), reference=Reference(video=film))
     written(home / "a.sport", history_of(session), tmp_path)
@@ -279,8 +255,6 @@ def test_what_the_end_cuts_short_is_said_then_and_at_the_next_opening(start: Sta
 
 
 # --- cut off
-
-
 @pytest.mark.parametrize("button", ["Reopen", "Discard"])
 def test_a_session_that_was_cut_off_while_recording_is_one_offer(
     start: Start, tmp_path: Path, button: str
@@ -305,12 +279,9 @@ def test_a_session_that_was_cut_off_while_recording_is_one_offer(
         assert app.editor.undo_label == "recovery of Take 2"
         assert 30 <= app.editor.session.takes[1].frames <= 41
         assert app.editor.session.takes[1].made.header.resimulable
-        app.takes.play(2)
-        app.editing.insert_prompt("an old king")
-        run(app, 2)
+        do(app, "play 2; insert an old king; run 2")
         assert app.editor.session.takes[1].made.clip.prompts[-1].prompt == "an old king"
-        app.editor.undo()
-        app.editor.undo()
+        do(app, "undo; undo")
         assert titles(app) == ["Take 1"]
     assert not {"Reopen", "Discard"} & set(labels(app))
 
@@ -345,21 +316,16 @@ def test_what_is_offered_may_go_later_and_of_many_sessions_ten_stay(start: Start
     assert not empty.exists()
 
 
-def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(start: Start) -> None:
-    app = start()
+def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(app: App) -> None:
     record(app)
     app.takes.rename(1, "gone")
     app.takes.remove(1)
     for number in range(205):
         app.editor.do("edit", lambda session, n=number: replace(session, counter=10 + n))  # type: ignore[misc]
     assert app.editor.file.flush(20.0)
-    click_on(app, "##session")
-    run(app, 2)
-    click_on(app, "##lost")
-    run(app, 2)
+    do(app, "click ##session; click ##lost")
     (label,) = [label for label, _ in drawn(app) if label.startswith("Take 1, ")]
     click_on(app, label.partition("##")[0])
-    run(app, 2)
     assert titles(app) == ["gone"]
     assert said(app) == "Recovered: Take 1."
     assert app.editor.file.flush(20.0)
@@ -371,8 +337,6 @@ def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(start: Star
 
 
 # --- the disk
-
-
 def full(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """Whether the disk has no room, to be changed."""
     is_full, real = [True], Database._keep_there
@@ -387,9 +351,8 @@ def full(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
 
 
 def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_room(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    app: App, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = start()
     record(app)
     assert app.editor.file.flush(60.0)
     is_full = full(monkeypatch)
@@ -397,7 +360,6 @@ def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_roo
     run_until(app, lambda: app.editor.file.problem != "")
     app.messages.clock = lambda: time.monotonic() + 60.0  # what was said since has faded
     run(app, 2)
-    assert app.messages.current is not None
     text = app.messages.current.text  # the error holds, whatever was said after it
     assert "No space left" in text
     assert sqlite_file.ROOM_REMEDY in text
@@ -432,8 +394,7 @@ def test_a_folder_that_cannot_be_made_puts_the_session_into_the_temporary_folder
     assert len(in_file(path, tmp_path).takes) == 1
 
 
-def test_a_name_that_cannot_be_written_leaves_the_session_where_it_is(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_name_that_cannot_be_written_leaves_the_session_where_it_is(app: App, tmp_path: Path) -> None:
     record(app)
     path = app.editor.file.path
     (tmp_path / "file").write_text("", encoding="utf-8")
@@ -453,14 +414,12 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
 ) -> None:
     path = tmp_path / "a.sport"
     app = start()
-    record(app)
-    record(app)
+    do(app, "record; record")
     app.sessions.save_as(path)
     app.close()
     with closing(sqlite3.connect(path)) as connection, connection:
-        key = connection.execute(
-            "SELECT key FROM motions WHERE key NOT LIKE '%.input' ORDER BY number"
-        ).fetchone()[0]
+        keys = "SELECT key FROM motions WHERE key NOT LIKE '%.input' ORDER BY number"
+        key = connection.execute(keys).fetchone()[0]
         connection.execute("UPDATE frames SET content = zeroblob(9) WHERE motion LIKE ?", (f"{key}%",))
     app = start(session=str(path))
     run(app, 2)
@@ -476,9 +435,7 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
         use()
         run(app, 3)
     assert any("a.sport: " in message.text for message in app.messages.recent)
-    app.takes.play(2)
-    run(app, 3)
-    assert app.takes.playback is not None
+    do(app, "play 2; run 3")
     assert app.takes.playback.number == 2
     app.references.show(1)
     run(app, 3)
@@ -489,18 +446,11 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
 
 
 # --- dialogs
-
-
-def test_without_a_dialog_program_the_path_is_typed(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_without_a_dialog_program_the_path_is_typed(app: App, tmp_path: Path) -> None:
     app.sessions.dialogs.available = lambda: False
-    record(app)
-    press(app, "ctrl", "s")
-    run(app, 3)
-    hand.text(app.window, str(tmp_path / "typed"))
-    run(app, 2)
+    do(app, "record; key ctrl+s")
+    type_in(app, str(tmp_path / "typed"))
     click_on(app, "##dialog ok")
-    run(app, 2)
     assert (tmp_path / "typed.sport").is_file()
     assert app.sessions.name == "typed"
 
@@ -522,30 +472,19 @@ def test_a_systems_dialog_hands_over_its_answer(start: Start, tmp_path: Path) ->
 
 
 # --- other things of a session
-
-
-def test_a_take_plays_on_the_ground_that_it_was_made_on(start: Start) -> None:
-    app = start()
+def test_a_take_plays_on_the_ground_that_it_was_made_on(app: App) -> None:
     record(app)
     flat = app.scene.terrain
-    app.scene.load_terrain("stairs")
-    record(app)
-    run(app, 2)
-    app.takes.play(1)
-    run(app)
+    do(app, "ground stairs; record; run 2; play 1; run 1")
     assert np.array_equal(app.scene.renderer.terrain.heights, flat.heights)
-    app.takes.play(2)
-    run(app)
+    do(app, "play 2; run 1")
     assert app.scene.renderer.terrain.name == "stairs"
-    app.takes.play(1)
-    app.takes.close_playback()
-    run(app)
+    do(app, "play 1; close; run 1")
     assert app.scene.renderer.terrain is app.scene.terrain
 
 
 @pytest.mark.skipif(os.name != "posix", reason="names of POSIX are bytes")
-def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> None:
-    app = start()
+def test_a_name_that_is_no_text_kills_nothing(app: App, tmp_path: Path) -> None:
     record(app)
     folder = tmp_path / os.fsdecode(b"clips-\xff")
     try:
@@ -559,8 +498,7 @@ def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> N
     app.scene.load_terrain(str(folder / os.fsdecode(b"\xfe.npy")))
     run(app, 2)
     app.sessions.save_as(folder / os.fsdecode(b"\xfd.sport"))
-    run(app, 2)
-    record(app)
+    do(app, "run 2; record")
     wanted = titles(app)
     path = app.editor.file.path
     assert path.parent == folder

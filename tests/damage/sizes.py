@@ -202,7 +202,7 @@ def main() -> int:
         SIZES[options.make[0]](Path(options.make[1]))
         return 0
     print(
-        "session | MB | open (s) | play (s) | CPU (s) | MB | the window answers (s) | plays (s) | longest frame (s) | CPU (s) | MB | said"
+        "session | MB | open (s) | play (s) | CPU (s) | MB | the window answers (s) | of it CPU (s) | plays (s) | longest frame (s) | CPU (s) | MB | said"
     )
     for name in (name for name in SIZES if options.only in name):
         with tempfile.TemporaryDirectory() as folder:

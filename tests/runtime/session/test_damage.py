@@ -36,7 +36,7 @@ def seed(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, Known]:
 def test_takes_that_can_be_had_are_had(kind: str, seed: tuple[bytes, Known], tmp_path: Path) -> None:
     content, known = seed
     for number in range(4):
-        path = tmp_path / f"{number}.sport"
+        path = tmp_path / f"{'x' * 240}{number}.sport"  # as long as a name may be
         path.write_bytes(content)
         DAMAGES[kind](random.Random(number), path)
         assert check(path, known) == "", number

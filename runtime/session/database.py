@@ -31,6 +31,7 @@ from runtime.session.sqlite_file import (
     drop_lock,
     file_errors,
     is_own,
+    keep_aside,
     kept_aside,
     lock_of,
     new_file,
@@ -331,16 +332,27 @@ class Database(StoredRows):
 
     def _present(self) -> list[tuple[int, int]]:
         """Return which files have our names now."""
-        found = [os.stat(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
-        return [(status.st_dev, status.st_ino) for status in found]
+        return [self._identity(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
+
+    @staticmethod
+    def _identity(file: Path) -> tuple[int, int]:
+        status = os.stat(file)
+        return status.st_dev, status.st_ino
 
     def _keep_there(self) -> None:
-        """Write the file again where another program has removed it or its folder: what is open can still be read."""
+        """Write the file again where another program has removed or replaced it or its folder: what is open can still be read."""
         connection = self._connection()
         with contextlib.suppress(FileNotFoundError):
             if self._present() == self._files:
                 return
-        with new_file(self.path) as target:
+
+        def keep_other() -> None:  # that a program which synchronizes folders has put in the place of ours
+            if self.path.exists() and self._identity(self.path) != self._files[0]:
+                _LOG.warning(
+                    "%s was replaced: the other one is %s", self.path, keep_aside(self.path, log=False)
+                )
+
+        with new_file(self.path, keep_other) as target:
             copy_rows(connection, target)
             if not lock_of(self.path).exists():
                 os.close(self._handle)

@@ -140,10 +140,10 @@ def is_own(path: Path) -> bool:
     return not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
-def keep_aside(path: Path) -> Path:
-    """Keep a damaged session as it is under another name next to it, for `KEPT_ASIDE_DAYS`; OSError."""
+def keep_aside(path: Path, log: bool = True) -> Path:
+    """Keep a session, with its log or alone, as it is under another name next to it, for `KEPT_ASIDE_DAYS`; OSError."""
     aside = path.with_name(f"{_aside(path)}{time.strftime('%Y%m%d-%H%M%S')}")
-    for file, kept in zip((path, side_files(path)[0]), (aside, side_files(aside)[0]), strict=True):
+    for file, kept in ((path, aside), (side_files(path)[0], side_files(aside)[0]))[: 1 + log]:
         if file.exists():
             try:
                 os.link(file, kept)

@@ -60,7 +60,7 @@ class Database(StoredRows):
     repaired: str = ""  # what was damaged when it was opened, in a user's words
     _handle: int = -1  # of the lock; -1 for reading only
     _writer: sqlite3.Connection | None = None
-    _files: list[tuple[int, int]] = field(default_factory=list)  # which ones were opened
+    _files: list[tuple[int, ...]] = field(default_factory=list)  # which ones were opened
     _queue: deque[Work] = field(default_factory=deque)
     _submitted: int = 0
     _written: int = 0
@@ -330,14 +330,9 @@ class Database(StoredRows):
         assert self._writer is not None
         return self._writer
 
-    def _present(self) -> list[tuple[int, int]]:
+    def _present(self) -> list[tuple[int, ...]]:
         """Return which files have our names now."""
-        return [self._identity(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
-
-    @staticmethod
-    def _identity(file: Path) -> tuple[int, int]:
-        status = os.stat(file)
-        return status.st_dev, status.st_ino
+        return [_identity(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
 
     def _keep_there(self) -> None:
         """Write the file again where another program has removed or replaced it or its folder: what is open can still be read."""
@@ -347,7 +342,7 @@ class Database(StoredRows):
                 return
 
         def keep_other() -> None:  # that a program which synchronizes folders has put in the place of ours
-            if self.path.exists() and self._identity(self.path) != self._files[0]:
+            if self.path.exists() and _identity(self.path) != self._files[0]:
                 _LOG.warning(
                     "%s was replaced: the other one is %s", self.path, keep_aside(self.path, log=False)
                 )
@@ -449,3 +444,7 @@ class Database(StoredRows):
         if self._writer is not None and self._writer.in_transaction:
             with contextlib.suppress(sqlite3.Error):  # it did so by itself
                 self._writer.execute("ROLLBACK")
+
+
+def _identity(file: Path) -> tuple[int, ...]:
+    return tuple(os.stat(file)[1:3])  # of the file on its disk, and of the disk

@@ -31,6 +31,7 @@ from runtime.session.sqlite_file import (
     drop_lock,
     file_errors,
     is_own,
+    keep_aside,
     kept_aside,
     lock_of,
     new_file,
@@ -59,7 +60,7 @@ class Database(StoredRows):
     repaired: str = ""  # what was damaged when it was opened, in a user's words
     _handle: int = -1  # of the lock; -1 for reading only
     _writer: sqlite3.Connection | None = None
-    _files: list[tuple[int, int]] = field(default_factory=list)  # which ones were opened
+    _files: list[tuple[int, ...]] = field(default_factory=list)  # which ones were opened
     _queue: deque[Work] = field(default_factory=deque)
     _submitted: int = 0
     _written: int = 0
@@ -329,18 +330,24 @@ class Database(StoredRows):
         assert self._writer is not None
         return self._writer
 
-    def _present(self) -> list[tuple[int, int]]:
+    def _present(self) -> list[tuple[int, ...]]:
         """Return which files have our names now."""
-        found = [os.stat(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
-        return [(status.st_dev, status.st_ino) for status in found]
+        return [_identity(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
 
     def _keep_there(self) -> None:
-        """Write the file again where another program has removed it or its folder: what is open can still be read."""
+        """Write the file again where another program has removed or replaced it or its folder: what is open can still be read."""
         connection = self._connection()
         with contextlib.suppress(FileNotFoundError):
             if self._present() == self._files:
                 return
-        with new_file(self.path) as target:
+
+        def keep_other() -> None:  # that a program which synchronizes folders has put in the place of ours
+            if self.path.exists() and _identity(self.path) != self._files[0]:
+                _LOG.warning(
+                    "%s was replaced: the other one is %s", self.path, keep_aside(self.path, log=False)
+                )
+
+        with new_file(self.path, keep_other) as target:
             copy_rows(connection, target)
             if not lock_of(self.path).exists():
                 os.close(self._handle)
@@ -437,3 +444,7 @@ class Database(StoredRows):
         if self._writer is not None and self._writer.in_transaction:
             with contextlib.suppress(sqlite3.Error):  # it did so by itself
                 self._writer.execute("ROLLBACK")
+
+
+def _identity(file: Path) -> tuple[int, ...]:
+    return tuple(os.stat(file)[1:3])  # of the file on its disk, and of the disk

@@ -82,6 +82,7 @@ class DocumentReader:
     motion: Callable[[str], Motion]
     _forms: dict[Any, Callable[[Json], Any]] = field(init=False)  # of what is no record
     left_out: set[str] = field(default_factory=set)  # references of takes that cannot be read
+    _takes: dict[str, Take] = field(default_factory=dict)  # the others, by theirs
 
     def __post_init__(self) -> None:
         self._forms = {
@@ -162,7 +163,7 @@ class DocumentReader:
         if not isinstance(value, list) or len(value) > MAX_TAKES:
             raise ValueError("expected a list of some values")
         if inside[0] is Take:
-            return [take for reference in value if (take := self._sound_take(reference)) is not None]
+            return self._sound_takes(value)
         hints = inside if len(inside) > 1 and inside[-1] is not Ellipsis else inside[:1] * len(value)
         return [self._value(h, v, longest) for h, v in zip(hints, value, strict=True)]
 
@@ -170,15 +171,16 @@ class DocumentReader:
         """Return whether no take of a session was left out when it was read."""
         return not any(reference in text for reference in self.left_out)
 
-    def _sound_take(self, reference: Json) -> Take | None:
-        """Return a take; None for one that cannot be read, which its session is without."""
-        if str(reference) in self.left_out:
-            return None
-        try:
-            return self.take(reference)
-        except FileError:
-            self.left_out.add(str(reference))
-            return None
+    def _sound_takes(self, references: list[Json]) -> list[Take]:
+        """Return takes without those that cannot be read; each step names all of them again."""
+        names = [str(reference) for reference in references]
+        for name, reference in zip(names, references, strict=True):
+            if name not in self._takes and name not in self.left_out:
+                try:
+                    self._takes[name] = self.take(reference)
+                except FileError:
+                    self.left_out.add(name)
+        return [self._takes[name] for name in names if name in self._takes]
 
     def take(self, reference: Json) -> Take:
         """Return the take of a reference. Raises FileError."""

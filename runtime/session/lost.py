@@ -15,6 +15,7 @@ from runtime.session.stored_rows import Writer
 from runtime.session.tables import INPUT, TAIL
 
 LOST_DAYS = 30
+MAX_RECOVERED_TAKES = 2000  # at once; the next time further ones
 MAX_STORED_BYTES = MAX_FILE_BYTES // 2  # of a file before the oldest lost things go earlier
 _REFERENCE = re.compile(r"(<f[48]|\|[iu]1) [0-9x]* ([0-9a-f]{32})")
 _LOG = logging.getLogger("sport.session")

@@ -6,8 +6,6 @@ import json
 import sqlite3
 import zlib
 from collections import Counter
-from itertools import groupby
-from operator import itemgetter
 
 import numpy as np
 
@@ -30,16 +28,17 @@ def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
     Returns how many motions were changed, and how many frames were filled.
     """
     writer = Writer(connection, set())
-    rows = connection.execute("SELECT motion, number, count FROM frames ORDER BY motion, number").fetchall()
-    pieces: dict[str, list[Piece]] = {key: list(found) for key, found in groupby(rows, itemgetter(0))}
-    there = Counter[str]()
-    for key, _, count in rows:
+    there, whole = Counter[str](), set[str]()  # frames of each motion, and motions of one piece
+    totals = "SELECT motion, sum(count), count(*) = 1 AND min(number) = 0 FROM frames GROUP BY motion"
+    for key, count, one in connection.execute(totals):
         there[key.removesuffix(TAIL)] += count
+        if one:
+            whole.add(key)
     changed = held = 0
     for key in there:
         if changed == MAX_MENDED_MOTIONS:
             break
-        gaps, fits = _gaps(pieces.get(key, []))
+        gaps, fits = ([], True) if key in whole else _gaps(_pieces(connection, key))
         if not fits:
             continue
         made = 0
@@ -48,6 +47,11 @@ def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
         held += made
         changed += _set_header(writer, key, there[key] + made, bool(gaps))
     return changed, held
+
+
+def _pieces(connection: sqlite3.Connection, key: str) -> list[Piece]:
+    where = "WHERE motion = ? ORDER BY number"
+    return connection.execute(f"SELECT motion, number, count FROM frames {where}", (key,)).fetchall()
 
 
 def _gaps(pieces: list[Piece]) -> tuple[list[tuple[int, int, Piece]], bool]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from runtime.session.sqlite_file import side_files
-from runtime.session.tables import PAGE_BYTES, TABLES, Row, Value, checksum, sealed
+from runtime.session.tables import PAGE_BYTES, TABLES, TAIL, Row, Value, checksum, sealed
 
 LEAF, INDICES = 13, (2, 10)  # kinds of pages: one with rows of a table, and those of an index
 # pages that are searched byte by byte, for rows whose page no longer says where they begin
@@ -21,6 +21,7 @@ MAX_READ_RATIO = 2  # bytes of all rows over those of the file: pages that name 
 _WAL_MAGIC = (0x377F0682, 0x377F0683)
 _SIZES = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0)  # bytes of a value by its kind
 _COLUMNS = {table: columns.count(",") + 2 for table, columns in TABLES.items()}
+_UNDER_LOG = ("blobs", "motions", "frames")  # tables of which an older row does no harm
 _NUMBERED = ("steps", "motions")  # whose first column is the number of the row, which is stored apart
 _POLYNOMIAL = 0xEDB88320  # of CRC-32
 # whether the number of a row is stored apart, the row's values, texts as bytes, and its checksum
@@ -68,6 +69,15 @@ class _Pages:
         return self.file.read(PAGE_BYTES)
 
     def rows(self) -> Iterator[tuple[str, Row]]:
+        """Yield rows as the log has them, then frames and what they need that lie under a log of another version of the file."""
+        yield from self._rows()
+        if self.logged:
+            self.logged = {}
+            for number in range(1, self.count + 1):
+                found = (self._row(cell, repairs=False) for cell in self._cells(number))
+                yield from (row for row in found if row and row[0] in _UNDER_LOG and _is_whole(row[1]))
+
+    def _rows(self) -> Iterator[tuple[str, Row]]:
         doubtful = []
         for number in range(1, self.count + 1):
             cells = list(map(self._row, self._cells(number)))
@@ -196,6 +206,11 @@ def _texts(row: list[Value]) -> list[Value] | None:
         return [value.decode("utf-8") if isinstance(value, _Text) else value for value in row]
     except UnicodeDecodeError:
         return None
+
+
+def _is_whole(row: Row) -> bool:
+    """Return whether a row is none of the newest frames of a recording, which are packed anew."""
+    return not str(row[0]).endswith(TAIL)
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:

@@ -109,8 +109,9 @@ class Take:
 
     @property
     def title(self) -> str:
-        name = "Live" if self.motion is None else self.motion.header.name
-        return self.name or (f"{name}, mirrored" if self.mirrored else name)
+        made = "Live" if self.motion is None else self.motion.header.name
+        name = self.name or (f"{made}, mirrored" if self.mirrored else made)
+        return " ".join(name.split()) or f"Take {self.number}"  # one of another program may have any
 
     @property
     def made(self) -> Motion:

@@ -26,7 +26,7 @@ from runtime.session.document_reader import MAX_TAKES, DocumentReader, read_view
 from runtime.session.edits import with_new_take
 from runtime.session.frames import packed_frames, pieces
 from runtime.session.history import MAX_STEPS, History, Step
-from runtime.session.lost import LostTake, settle
+from runtime.session.lost import MAX_RECOVERED_TAKES, LostTake, settle
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.recording import Recording
 from runtime.session.session import CharacterChoice, Session, Take, has_edits
@@ -38,7 +38,6 @@ from runtime.takes.input_recording import InputRecording
 
 _LOG = logging.getLogger("sport.session")
 DROPPED_STEPS = 50  # of the history, after which what only they referred to is noted as lost
-MAX_RECOVERED_TAKES = 2000  # at once; the others are lost takes, which can be had back
 
 
 @dataclass
@@ -283,37 +282,38 @@ class SessionFile(StoredMotions):
         characters = (f"character {c.key}" for s in self._written.values() for c in _characters(s))
         self._known = {*self.database.motions(), *characters}
         self._held.update(known)
-        self._has_motions = bool(self.database.frame_counts())
+        counts = self.database.frame_counts()
+        self._has_motions = bool(counts)
         self._note_unsound(unsound, len(reader.left_out))
-        self._recover(history, set(known))
+        self._recover(history, set(known), counts)
         return history
 
-    def _read_steps(self, reader: DocumentReader) -> tuple[list[Step], dict[int, str]]:
-        """Return the steps that can be read, and why the others cannot, by their numbers.
+    def _read_steps(self, reader: DocumentReader) -> tuple[list[Step], dict[int, tuple[str, str]]]:
+        """Return the steps that can be read, and the texts of the others and why they cannot, by their numbers.
 
         A step without some of its takes is none where another one has as many.
         """
-        steps, unsound = list[Step](), dict[int, str]()
+        steps, unsound = list[Step](), dict[int, tuple[str, str]]()
         whole = set[int]()  # numbers of the steps whose takes are all there
         for number, label in reversed(self.database.steps(MAX_STEPS + 1)):
+            text = self.database.step(number)
             try:
-                text = self.database.step(number)
                 steps.insert(0, Step(number, label, reader.session(text)))
                 whole |= {number} if reader.is_whole(text) else set()
             except FileError as error:
-                unsound[number] = error.problem
+                unsound[number] = text, error.problem
         most = max((len(step.session.takes) for step in steps if step.number in whole), default=-1)
         for step in [s for s in steps if s.number not in whole and len(s.session.takes) <= most]:
             steps.remove(step)
-            unsound[step.number] = "takes of it cannot be read"
+            unsound[step.number] = self.database.step(step.number), "takes of it cannot be read"
         return steps, unsound
 
-    def _note_unsound(self, unsound: Mapping[int, str], left_out: int) -> None:
+    def _note_unsound(self, unsound: Mapping[int, tuple[str, str]], left_out: int) -> None:
         """Move steps that cannot be read to the lost things, and say what is missing."""
-        now_s, texts = int(time.time()), {number: self.database.step(number) for number in unsound}
+        now_s = int(time.time())
 
         def work(writer: Writer) -> None:
-            for number, text in texts.items():
+            for number, (text, _) in unsound.items():
                 writer.lose([f"step {number} of {now_s}"], now_s, text)
                 writer.drop_step(number)
 
@@ -321,13 +321,14 @@ class SessionFile(StoredMotions):
         parts += [f"{left_out} of its takes cannot be read as they were."] if left_out else []
         self.repaired = " ".join(filter(None, [self.repaired, *parts]))
         if unsound:
-            _LOG.warning("%s: %s", self.path, "; ".join(f"step {n}: {why}" for n, why in unsound.items()))
+            _LOG.warning(
+                "%s: %s", self.path, "; ".join(f"step {n}: {why}" for n, (_, why) in unsound.items())
+            )
             self.database.submit(work)
 
-    def _recover(self, history: History, named: set[str]) -> None:
+    def _recover(self, history: History, named: set[str], counts: Mapping[str, int]) -> None:
         """Take up motions with frames that no step names: recordings that were cut off, and what damaged steps named."""
         known = named.union(key for key, _, _ in self.database.lost())
-        counts = self.database.frame_counts()
         keys = [key for key in counts if key not in known]
         most = min(MAX_RECOVERED_TAKES, MAX_TAKES - len(history.present.session.takes))
         first = max(len(keys) - most, 0)
@@ -339,9 +340,14 @@ class SessionFile(StoredMotions):
         unknown = Take(ground=session.ground)
         for motion, _ in motions:
             session = with_new_take(session, replace(takes.get(motion.key, unknown), motion=motion))
-            self.database.submit(methodcaller("put_motion", motion.key, header_text(motion.header)))
         name = motions[0][0].header.name if len(motions) == 1 else f"{len(motions)} takes"
         history.push(f"recovery of {name}", session)
+
+        def put_headers(writer: Writer) -> None:  # without this step they are lost: each must say what it has
+            for motion, _ in motions:
+                writer.put_motion(motion.key, header_text(motion.header))
+
+        self.database.submit(put_headers)
         self.recovered, self.unrecovered = len(motions), first
         self.write(history)
 

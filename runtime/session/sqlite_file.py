@@ -31,6 +31,7 @@ MAX_FILE_BYTES = 1 << 29  # of the file, and of its log
 MAX_VALUE_BYTES = (1 << 28) + (1 << 20)  # of one row as it is stored
 # a small file makes no more than this, a large one a multiple of its size
 MIN_BUDGET_BYTES, BUDGET_PER_FILE_BYTE, MAX_BUDGET_BYTES = 128 << 20, 16, MAX_CONTENT_BYTES
+MAX_NAME_BYTES = 255  # of a file, on most systems
 ASIDE, KEPT_ASIDE_DAYS = ".damaged-", 30  # of a damaged session's name, and how long it is kept
 REMEDY = "Choose another file, or an older copy of it."
 ROOM_REMEDY = "Make room on the disk, or save a copy elsewhere."
@@ -110,7 +111,22 @@ def side_files(path: Path) -> tuple[Path, Path]:
 def unwritten_files(path: Path) -> tuple[Path, Path]:
     """Return the two places for changes that a session's file could not take: next to it, and in the user's state folder."""
     key = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]
-    return path.with_name(f".{path.name}.unwritten"), state_directory() / "unwritten" / f"{key}.unwritten"
+    name = _fitting(path.name, 44)  # it is written under a name that is longer still
+    return path.with_name(f".{name}.unwritten"), state_directory() / "unwritten" / f"{key}.unwritten"
+
+
+def _fitting(name: str, more: int) -> str:
+    """Return the name of a file that has room for so many bytes more: one that is too long ends with its hash."""
+    data = os.fsencode(name)
+    if len(data) + more <= MAX_NAME_BYTES:
+        return name
+    begin = data[: MAX_NAME_BYTES - more - 16].decode("utf-8", "ignore")
+    return begin + hashlib.sha256(data).hexdigest()[:16]
+
+
+def _aside(path: Path) -> str:
+    """Return how the names of damaged sessions begin that `keep_aside` has kept; a time and the ending of a log follow."""
+    return _fitting(path.name, len(ASIDE) + 19) + ASIDE
 
 
 def is_own(path: Path) -> bool:
@@ -124,10 +140,10 @@ def is_own(path: Path) -> bool:
     return not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
-def keep_aside(path: Path) -> Path:
-    """Keep a copy of a damaged session under another name next to it for `KEPT_ASIDE_DAYS`, and return its path. Raises OSError."""
-    aside = path.with_name(f"{path.name}{ASIDE}{time.strftime('%Y%m%d-%H%M%S')}")
-    for file, kept in zip((path, side_files(path)[0]), (aside, side_files(aside)[0]), strict=True):
+def keep_aside(path: Path, log: bool = True) -> Path:
+    """Keep a session, with its log or alone, as it is under another name next to it, for `KEPT_ASIDE_DAYS`; OSError."""
+    aside = path.with_name(f"{_aside(path)}{time.strftime('%Y%m%d-%H%M%S')}")
+    for file, kept in ((path, aside), (side_files(path)[0], side_files(aside)[0]))[: 1 + log]:
         if file.exists():
             try:
                 os.link(file, kept)
@@ -139,15 +155,15 @@ def keep_aside(path: Path) -> Path:
 def kept_aside(path: Path, days: float = 0.0) -> list[Path]:
     """Return the copies that `keep_aside` made of a session more than `days` ago."""
     stamp = time.strftime("%Y%m%d-%H%M%S", time.localtime(time.time() - 86400.0 * days))
-    begin = f"{path.name}{ASIDE}"
+    begin = _aside(path)
     with contextlib.suppress(OSError):
         return [file for file in path.parent.iterdir() if begin < file.name <= begin + stamp + "~"]
     return []
 
 
 def lock_of(path: Path) -> Path:
-    """Return the lock file that marks a session as open."""
-    return path.with_name(f".{path.name}.lock")
+    """Return the small file whose lock says that a process has a session open."""
+    return path.with_name(f".{_fitting(path.name, 6)}.lock")
 
 
 def take_lock(path: Path) -> int:
@@ -180,11 +196,15 @@ def is_held(path: Path) -> bool:
 
 
 def real_path(path: Path) -> Path:
-    """Return the path with links resolved, since SQLite's side files are next to it; FileError if it is not a valid path."""
+    """Return the path without links, as SQLite's other files lie next to it; FileError when it is no name of a session."""
     try:
-        return Path(os.path.realpath(path))
+        real = Path(os.path.realpath(path))
+        room = MAX_NAME_BYTES - len(os.fsencode(f"{real.name}-journal"))
     except (OSError, ValueError) as error:
         raise FileError(f"{str(path)[:80]!r}: {reason(error)}.", "Check the path.") from error
+    if room < 0:
+        raise FileError(f"{str(path)[:80]!r}: the name is {-room} bytes too long.", "Give it a shorter one.")
+    return real
 
 
 def check_files(path: Path) -> int:

@@ -19,7 +19,7 @@ from runtime.session.database import Database
 from runtime.session.document import MAX_FRAMES, unpack_sticks
 from runtime.session.document_reader import DocumentReader
 from runtime.session.frames import CLIP_FRAME_BYTES, PACKED_FRAME_BYTES, packed_gaits, unpacked_frames
-from runtime.session.lost import LostTake
+from runtime.session.lost import MAX_RECOVERED_TAKES, LostTake
 from runtime.session.motion import ClipCache, Motion, MotionHeader
 from runtime.session.recovery import UNKNOWN_FPS, UNKNOWN_NAME
 from runtime.session.session import MIN_FRAMES, CharacterChoice, Take
@@ -126,13 +126,23 @@ class StoredMotions:
 
     @property
     def lost_takes(self) -> list[LostTake]:
-        """Return motions that no step refers to, lost less than `LOST_DAYS` ago, newest first. Raises FileError."""
-        frames, takes = self.database.frame_counts(), []
-        for key, since_s, _ in reversed(self.database.lost()):
-            found = self._recovered(key, frames[key])
-            if found is not None:
-                takes.append(LostTake(key, found[0].header.name, found[0].header.seconds, since_s))
-        return takes
+        """The newest `MAX_RECOVERED_TAKES` that no step has named for less than `LOST_DAYS`, the newest first; FileError."""
+        frames, found = self.database.frame_counts(), dict[str, tuple[int, Motion]]()
+        places = {key: place for place, key in enumerate(frames)}
+        lost = [(since_s, places[key], key) for key, since_s, _ in self.database.lost() if key in places]
+        for since_s, _, key in sorted(lost, reverse=True):
+            motion, _ = self._recovered(key, frames[key]) or (None, False)
+            if motion is not None:
+                found[key] = since_s, motion
+            if len(found) == MAX_RECOVERED_TAKES:
+                break
+        takes = self._takes_of(set(found))
+        return [
+            LostTake(
+                key, replace(takes.get(key, Take()), motion=motion).title, motion.header.seconds, since_s
+            )
+            for key, (since_s, motion) in found.items()
+        ]
 
     def _recovered(self, key: str, frames: int) -> tuple[Motion, bool] | None:
         """Return a motion of the file with the frames that are there, and whether its recording was cut off; None for too few."""
@@ -143,7 +153,9 @@ class StoredMotions:
             header, cut_off = self._reader().header(self.database.motion(key))
         except FileError:
             header = MotionHeader(UNKNOWN_NAME, UNKNOWN_FPS, frames)
-        if cut_off or header.frames != frames:
+        if not cut_off and header.frames != frames:
+            header = replace(header, frames=frames, resimulable=False)
+        elif cut_off:
             gaits = np.concatenate([packed_gaits(content, count) for count, content in self._pieces(key)])
             seconds = gait_seconds(gaits, header.fps) if are_gaits(gaits) else ()
             inputs = None
@@ -158,6 +170,8 @@ class StoredMotions:
         found: dict[str, Take] = {}
         reader = self._reader()
         for key, size in self.database.text_blobs() if keys else ():
+            if len(found) == len(keys):
+                break
             with contextlib.suppress(FileError):
                 take = reader.take(f"|u1 {size} {key}")
                 if take.made.key in keys:

@@ -27,6 +27,8 @@ TABLES = {
     # what no step names since a time in seconds since 1970: a motion, a blob, or the text of a step
     "lost": "key TEXT PRIMARY KEY, since INTEGER, text TEXT",
 }
+_TABLE_SUMS = {table: zlib.crc32(f"{SCHEMA_VERSION} {table}".encode()) for table in TABLES}
+_SIZED = struct.Struct("<cq").pack  # of a value: its kind, and its number or length
 _KEYS = {"frames": "PRIMARY KEY (motion, number)"}
 _TEXT = f"typeof({{0}}) = 'text' AND length(CAST({{0}} AS BLOB)) <= {MAX_TEXT_BYTES}"
 _NUMBER = "typeof({0}) = 'integer' AND {0} BETWEEN {1} AND {2}"
@@ -53,20 +55,18 @@ class VersionError(ValueError):
 
 
 def checksum(table: str, row: Row) -> int:
-    """Return the CRC-32 of a row's values, without its checksum and a motion's number."""
-    return zlib.crc32(packed_row(table, row))
+    """Return CRC-32 of the values of a row without its checksum, and without the number of a motion, which is its place only.
 
-
-def packed_row(table: str, row: Row) -> bytes:
-    """Return the bytes covered by a row's checksum: the table, then kind, length and content of each value."""
-    parts = [f"{SCHEMA_VERSION} {table}".encode()]
+    It is of the table, then of kind, length and content of each value.
+    """
+    known = _TABLE_SUMS[table]
     for value in row[1:] if table == "motions" else row:
         if isinstance(value, int):
-            parts.append(b"i" + struct.pack("<q", value))
+            known = zlib.crc32(_SIZED(b"i", value), known)
         else:
             content = value.encode("utf-8", "surrogatepass") if isinstance(value, str) else value
-            parts += [b"c" + struct.pack("<q", len(content)), content]
-    return b"".join(parts)
+            known = zlib.crc32(content, zlib.crc32(_SIZED(b"c", len(content)), known))
+    return known
 
 
 def sealed(table: str, row: Row) -> tuple[Value, ...]:

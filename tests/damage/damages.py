@@ -1,4 +1,4 @@
-"""Damages of one session, each drawn by a seed: wrong bits, pages, a cut, tables that are empty, swapped pieces."""
+"""Damages of one session, each drawn by a seed: wrong bits, pages, bytes that are missing, tables that are empty, swapped pieces."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
-from runtime.session.sqlite_file import kept_aside
+from runtime.session.sqlite_file import kept_aside, side_files
 from runtime.session.tables import PAGE_BYTES, TABLES, checksum
 from runtime.takes.clip import Clip
 from tests.helpers.full_session import history_of, still, written
@@ -76,6 +76,60 @@ def sector(rng: random.Random, path: Path) -> None:
     path.write_bytes(data)
 
 
+def shifted(rng: random.Random, path: Path) -> None:
+    """Bytes too many or too few, in the midst or behind the end."""
+    data = bytearray(path.read_bytes())
+    at, count = (
+        rng.randrange(PAGE_BYTES, len(data) + 1),
+        rng.choice((1, 512, PAGE_BYTES, rng.randrange(1, 9000))),
+    )
+    data[at : at + count * rng.randrange(2)] = rng.randbytes(count * rng.randrange(2))
+    path.write_bytes(data)
+
+
+def zeros_to_the_end(rng: random.Random, path: Path) -> None:
+    """What the disk had not taken when the power was lost."""
+    data = path.read_bytes()
+    at = rng.randrange(PAGE_BYTES, len(data))
+    path.write_bytes(data[:at] + bytes(len(data) - at))
+
+
+def under_a_later_log(rng: random.Random, path: Path) -> None:
+    """An older copy is put back where the log of a session lies that was cut off."""
+    later = path.with_name("later.sport")
+    later.write_bytes(path.read_bytes())
+    file, history = SessionFile.open(later, path.parent / "cache")
+    for number in range(rng.randrange(1, 4)):
+        take = Take(motion=Motion.of(still(rng.randrange(30, 600), NAMES[0], number)))
+        history.push("edit 1", edits.with_new_take(history.present.session, take))
+        file.write(history)
+    assert file.flush(20.0)
+    side_files(path)[0].write_bytes(side_files(later)[0].read_bytes())
+    file.close()
+    later.unlink()
+
+
+def several(rng: random.Random, path: Path) -> None:
+    for damage in rng.choices([wrong_bits, page, swapped_pages, cut, sector, shifted, zeros_to_the_end], k=3):
+        if path.stat().st_size > 20 * PAGE_BYTES:
+            damage(rng, path)
+
+
+OTHER_PROGRAMS = (
+    "ANALYZE", "VACUUM", "PRAGMA journal_mode = DELETE; PRAGMA page_size = 512; VACUUM",
+    "PRAGMA journal_mode = DELETE; PRAGMA auto_vacuum = 1; VACUUM", "ALTER TABLE steps ADD COLUMN more TEXT",
+    "CREATE INDEX lengths ON frames(count)", "PRAGMA application_id = 0", "PRAGMA user_version = 1", "DROP TABLE steps",
+    "CREATE TRIGGER gone AFTER INSERT ON steps BEGIN DELETE FROM frames; END", "DROP TABLE motions",
+    "INSERT INTO frames SELECT motion, number + 7, count, size, content, checksum FROM frames LIMIT 1",
+)  # fmt: skip
+
+
+def another_program(rng: random.Random, path: Path) -> None:
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.executescript(rng.choice(OTHER_PROGRAMS))
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+
 def _in_rows(
     change: Callable[[random.Random, sqlite3.Connection], None],
 ) -> Callable[[random.Random, Path], None]:
@@ -127,6 +181,11 @@ DAMAGES: dict[str, Callable[[random.Random, Path], None]] = {
     "a row is missing": _in_rows(_without_a_row),
     "swapped pieces": _in_rows(_swapped_pieces),
     "another text": _in_rows(_other_text),
+    "shifted bytes": shifted,
+    "zeros to the end": zeros_to_the_end,
+    "under a later log": under_a_later_log,
+    "several": several,
+    "another program": another_program,
 }
 
 

@@ -16,12 +16,16 @@ import numpy as np
 
 from runtime.session import edits
 from runtime.session.frames import PACKED_FRAME_BYTES
-from runtime.session.motion import Motion
+from runtime.session.history import MAX_STEPS, History
+from runtime.session.motion import Motion, MotionHeader
+from runtime.session.recording import PIECE_FRAMES
 from runtime.session.session import Session, Take
+from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import unwritten_files
 from runtime.session.tables import sealed
 from runtime.skeleton import REST_HIPS_HEIGHT, J
 from runtime.takes.clip import Clip
+from runtime.takes.input_recording import COLUMNS
 from runtime.takes.pins import Pin, Pinned
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.pose_layer import JointValue, PoseKey, PoseLayer
@@ -61,8 +65,32 @@ def hour(path: Path, poses: PoseEdits | None = None) -> Path:
 
 
 def large(path: Path) -> Path:
-    """About 100 MB: twelve takes of half an hour."""
-    return session_of(path, *(walk(HOUR // 2, seed) for seed in range(12)))
+    """About 100 MB: 24 takes of half an hour."""
+    return session_of(path, *(walk(HOUR // 2, seed) for seed in range(24)))
+
+
+def cut_off(path: Path) -> Path:
+    """A recording of an hour in a process that was killed."""
+    file, clip = SessionFile.create(path, path.parent / "cache"), walk(HOUR)
+    turns = clip.local_rotations.reshape(HOUR, -1)
+    table = np.hstack([clip.hips_positions, turns, clip.contacts, np.zeros((HOUR, 1), np.float32)])
+    file.write(History())
+    recording = file.begin_recording(MotionHeader("Take 1", 60.0, 0, has_gaits=True))
+    for first in range(0, HOUR, PIECE_FRAMES):
+        recording.add(table[first : first + PIECE_FRAMES], np.zeros((PIECE_FRAMES, COLUMNS)))
+    assert file.close()
+    return path
+
+
+def long_history(path: Path, takes: int = 2000) -> Path:
+    """Short takes, and as many steps as a history keeps, each of which names all of them."""
+    session = Session()
+    for number in range(takes):
+        session = edits.with_new_take(session, Take(motion=Motion.of(still(30, f"Take {number + 1}"))))
+    steps = [session]
+    for number in range(1, MAX_STEPS):
+        steps.append(edits.renamed(steps[-1], number, f"walk {number}"))
+    return written(path, history_of(*steps), path.parent / "cache")
 
 
 def zeros(path: Path, frames: int = 200_000, piece: int = 300) -> Path:
@@ -171,7 +199,9 @@ SIZES: dict[str, Callable[[Path], Path]] = {
     "an hour": hour,
     "an hour with a pose layer": lambda path: hour(path, PoseEdits(layer=LAYER)),
     "an hour with a layer and a pin": lambda path: hour(path, PINNED),
-    "six hours, 100 MB": large,
+    "an hour's recording, cut off": cut_off,
+    "2,000 takes and 200 steps": long_history,
+    "twelve hours, 100 MB": large,
     "200,000 zero frames and a layer": zeros,
     "two million zero frames": lambda path: zeros(path, 1_999_999),
     "200,000 pieces of one frame": one_frame_pieces,
@@ -195,7 +225,7 @@ def main() -> int:
         SIZES[options.make[0]](Path(options.make[1]))
         return 0
     print(
-        "session | MB | open (s) | play (s) | CPU (s) | MB | the window answers (s) | plays (s) | longest frame (s) | CPU (s) | MB | said"
+        "session | MB | open (s) | play (s) | CPU (s) | MB | the window answers (s) | of it CPU (s) | plays (s) | longest frame (s) | CPU (s) | MB | said"
     )
     for name in (name for name in SIZES if options.only in name):
         with tempfile.TemporaryDirectory() as folder:

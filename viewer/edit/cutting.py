@@ -130,6 +130,6 @@ class Cutting:
             imgui.end_menu()
         if imgui.begin_menu("Join with", bool(others)):
             for other in others:
-                if widgets.item(f"{other.title}##join {other.number}", JOIN_HINT):
+                if widgets.item(widgets.named(other.title, f"join {other.number}"), JOIN_HINT):
                     self.join(other.number)
             imgui.end_menu()

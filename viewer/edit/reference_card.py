@@ -58,8 +58,8 @@ class ReferenceCard:
         played = reference.takes.played
         others = [take for take in reference.takes.session.takes if played and take.number != played.number]
         for take in others:
-            text, chosen = widgets.elided(take.title, px(220)), reference.take == take
-            if widgets.item(f"{text}##compare {take.number}", chosen=chosen):
+            label = widgets.named(take.title, f"compare {take.number}")
+            if widgets.item(label, chosen=reference.take == take):
                 reference.show(take.number)
         if others:
             imgui.separator()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from runtime.options import spec_of
+from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import theme
 from viewer.gui.layout import Rect
@@ -302,6 +304,12 @@ def elided(text: str, width: float) -> str:
         fits = imgui.calc_text_size(text[:middle].rstrip() + "…").x <= width
         low, high = (middle, high) if fits else (low, middle - 1)
     return text[:low].rstrip() + "…"
+
+
+def named(name: str, key: object, about: str = "", width: float = 220.0) -> str:
+    """Return the label of an item for a name of any text: on one line, cut to pixels at scale 1, `about` it, and ImGui's `key`."""
+    shown = elided(" ".join(printable(name).split()), px(width))
+    return f"{re.sub('#(?=#)', '# ', shown)}{about}##{key}"  # what follows ## would not be shown
 
 
 def sign(view: Rect, text: str, tint: Color) -> None:

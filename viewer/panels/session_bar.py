@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.safe_read import printable
+from runtime.session.lost import MAX_RECOVERED_TAKES
 from viewer.exports.exporting import Exporting
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
@@ -23,7 +24,7 @@ from viewer.session.sessions import Sessions, SessionSummary
 from viewer.session.summaries import describe, time_text
 
 POPUP = "session menu"
-NAME_WIDTH = 110.0  # pixels at scale 1
+NAME_WIDTH = 130.0  # with its icon, pixels at scale 1
 MENU_WIDTH = 240.0
 MARGIN_PX = 10.0
 MAX_PICTURE = 512  # pixels of a side
@@ -79,12 +80,12 @@ class SessionBar:
     def _buttons(self) -> None:
         sessions = self.sessions
         file, cut_off = sessions.editor.file, sessions.cut_off is not None
-        name = widgets.elided(printable(sessions.name), px(NAME_WIDTH))
         mark = f"  {ICON.warning}" if file.problem or cut_off else ""
+        label = widgets.named(f"{ICON.folder} {sessions.name}", "#session", mark, NAME_WIDTH)
         hint = "Session: open, save, earlier ones. Every edit is saved at once."
         if sessions.path is not None:
             hint = f"{printable(sessions.path)}\nEvery edit is saved at once."
-        if widgets.button(f"{ICON.folder} {name}{mark}###session", 0.0, file.problem or hint):
+        if widgets.button(label, 0.0, file.problem or hint):
             imgui.open_popup(POPUP)
         widgets.same_line()
         if widgets.button(f"{ICON.gear}###settings", px(30), "Settings"):
@@ -130,11 +131,11 @@ class SessionBar:
         recent = [path for path in sessions.recent if path != sessions.path]
         if not recent:
             return
-        if widgets.item(f"Reopen {printable(recent[0].stem)}", printable(recent[0])):
+        if widgets.item(widgets.named(f"Reopen {recent[0].stem}", "reopen"), printable(recent[0])):
             sessions.open(recent[0])
         if len(recent) > 1 and imgui.begin_menu("Recent"):
             for number, path in enumerate(recent):
-                if widgets.item(f"{printable(path.stem)}##{number}", printable(path)):
+                if widgets.item(widgets.named(path.stem, number), printable(path)):
                     sessions.open(path)
             imgui.end_menu()
 
@@ -146,7 +147,7 @@ class SessionBar:
             imgui.push_id(number)
             self._picture(left)
             text = describe(left) + ("" if left.ended else ", cut off")
-            if widgets.item(printable(text)):
+            if widgets.item(widgets.named(text, "earlier", width=400.0)):
                 sessions.open(left.path)
             if imgui.begin_popup_context_item("earlier"):
                 if widgets.item("Discard"):
@@ -157,14 +158,17 @@ class SessionBar:
 
     def _lost(self) -> None:
         sessions, lost = self.sessions, self.sessions.lost
-        if not lost or not imgui.begin_menu(f"Lost takes ({len(lost)})###lost"):
+        more = "+" * (len(lost) == MAX_RECOVERED_TAKES)
+        if not lost or not imgui.begin_menu(f"Lost takes ({len(lost)}{more})###lost"):
             return
-        if len(lost) > 1 and widgets.item("Recover all"):
-            sessions.recover(*lost)
+        if len(lost) > 1 and widgets.item(f"Recover the newest {len(lost)}" if more else "Recover all"):
+            sessions.recover(*lost[::-1])
         for number, take in enumerate(lost[:MAX_LISTED_LOST]):
-            about = f"{widgets.clock(take.seconds)}, {time_text(take.since_s)}"
-            if widgets.item(f"{printable(take.name)}, {about}##{number}"):
+            about = f", {widgets.clock(take.seconds)}, {time_text(take.since_s)}"
+            if widgets.item(widgets.named(take.name, number, about)):
                 sessions.recover(take)
+        if len(lost) > MAX_LISTED_LOST:
+            widgets.muted(f"and {len(lost) - MAX_LISTED_LOST}{more} older ones")
         imgui.end_menu()
 
     def _picture(self, left: SessionSummary) -> None:

@@ -320,9 +320,8 @@ def _versions(takes: Takes, take: Take) -> None:
         return
     for number, (label, version) in enumerate(versions, 1):
         current = version.motion == take.motion
-        if imgui.begin_menu(
-            f"{number}. {widgets.elided(label, px(240))}{' (now)' if current else ''}##version {number}"
-        ):
+        now = " (now)" if current else ""
+        if imgui.begin_menu(widgets.named(f"{number}. {label}", f"version {number}", now)):
             if widgets.item("Go back to it", enabled=not current):
                 takes.go_back_to(version)
             if widgets.item("Compare with it", enabled=not current):
@@ -357,7 +356,7 @@ def _animations(takes: Takes, references: ReferenceCard, take: Take) -> None:
     if path is None or len(names) < 2 or not imgui.begin_menu("Animations"):
         return
     for number, name in enumerate(names):
-        if widgets.item(f"{widgets.elided(name, px(220))}##animation {number}"):
+        if widgets.item(widgets.named(name, f"animation {number}")):
             compared = references.reference.take == take
             (open_reference if compared else open_file)(takes, path, animation=name)
     imgui.end_menu()

@@ -15,6 +15,7 @@ from runtime.assets import model_folder, model_hashes, shipped_models
 from runtime.errors import SportError
 from runtime.interrupts import removed_when_ended
 from runtime.session import edits, library
+from runtime.session.document_reader import MAX_TAKES
 from runtime.session.history import History
 from runtime.session.library import SessionSummary
 from runtime.session.lost import LostTake
@@ -240,12 +241,18 @@ class Sessions:
         self.jobs.submit(LOST, lambda: file.lost_takes, lambda found: setattr(self, "lost", found))
 
     def recover(self, *lost: LostTake) -> None:
-        """Add lost takes with their edits to the list again."""
-        file, what = self.editor.file, lost[0].name if len(lost) == 1 else count_takes(len(lost))
+        """Put lost takes with their edits into the list again, as many as it has room for."""
+        file, room = self.editor.file, MAX_TAKES - len(self.editor.session.takes)
+        if room < 1:
+            self.messages.warn("The list of takes is full. Remove some first.")
+            return
+        lost = lost[-room:]
+        what = lost[0].name if len(lost) == 1 else count_takes(len(lost))
 
         def found(takes: list[Take]) -> None:
             self.editor.do(f"recovery of {what}", lambda session: reduce(edits.with_new_take, takes, session))
-            self.lost = [take for take in self.lost if take not in lost]
+            keys = {take.key for take in lost}
+            self.lost = [take for take in self.lost if take.key not in keys]
             self.messages.note(f"Recovered: {what}.")
 
         self.jobs.submit(LOST, lambda: file.found_takes(lost), found, reading=what)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.session import session_file
+from runtime.session import session_file, stored_motions
 from runtime.session.document import header_text
 from runtime.session.frames import PACKED_FRAME_BYTES
 from runtime.session.motion import MotionHeader
@@ -34,7 +34,7 @@ def seed(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, Known]:
 def test_takes_that_can_be_had_are_had(kind: str, seed: tuple[bytes, Known], tmp_path: Path) -> None:
     content, known = seed
     for number in range(4):
-        path = tmp_path / f"{number}.sport"
+        path = tmp_path / f"{'x' * 240}{number}.sport"  # as long as a name may be
         path.write_bytes(content)
         DAMAGES[kind](random.Random(number), path)
         assert check(path, known) == "", number
@@ -83,9 +83,12 @@ def test_what_is_too_much_to_recover_at_once_can_be_had_from_the_lost_takes(
     assert file.flush(20.0)
     assert (file.recovered, file.unrecovered) == (1, 2)
     assert [take.frames for take in history.present.session.takes] == [FRAMES[-1]]
-    found = file.found_takes(file.lost_takes)
-    wanted = set(zip(FRAMES[:2], NAMES_OF_SEED[:2], strict=True))
-    assert {(take.frames, take.name) for take in found} == wanted
+    newest_first = [(name, frames) for frames, name in zip(FRAMES[:2], NAMES_OF_SEED, strict=False)][::-1]
+    lost = file.lost_takes
+    assert [(take.name, round(60.0 * take.seconds) + 1) for take in lost] == newest_first
+    assert [(take.name, take.frames) for take in file.found_takes(lost)] == newest_first
+    monkeypatch.setattr(stored_motions, "MAX_RECOVERED_TAKES", 1)
+    assert file.lost_takes == lost[:1]
     file.close()
 
 

@@ -22,7 +22,7 @@ from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
 from runtime.session.database import Database
 from runtime.session.renewal import Renewal
-from runtime.session.sqlite_file import FileInUse, file_errors, lock_of, side_files
+from runtime.session.sqlite_file import FileInUse, file_errors, kept_aside, lock_of, side_files
 from runtime.session.stored_rows import Writer
 
 RIGHTS = "-dac_override,-dac_read_search,-fowner"  # of root, to whom nothing is denied
@@ -435,7 +435,7 @@ def test_what_was_removed_does_not_leave_with_the_file(session: Database) -> Non
 
 # --- disks and folders
 @POSIX
-@pytest.mark.parametrize("what", ["file", "log", "lock", "folder"])
+@pytest.mark.parametrize("what", ["file", "log", "lock", "folder", "replaced"])
 def test_what_was_removed_is_written_again_whole(session: Database, what: str) -> None:
     session.submit(fill)
     assert session.flush()
@@ -444,6 +444,9 @@ def test_what_was_removed_is_written_again_whole(session: Database, what: str) -
         file.unlink()
     if what == "folder":
         shutil.rmtree(session.path.parent)
+    if what == "replaced":
+        (session.path.parent / "new").write_bytes(b"of another program")
+        (session.path.parent / "new").replace(session.path)
     session.submit(step(2))
     assert session.flush()
     with pytest.raises(FileInUse):
@@ -454,6 +457,8 @@ def test_what_was_removed_is_written_again_whole(session: Database, what: str) -
     again = Database.open(session.path)
     assert [number for number, _ in again.steps()] == [1, 2]
     assert list(again.frames("m")) == [(15, b"frames")]
+    kept = [file.read_bytes() for file in kept_aside(session.path)]
+    assert (b"of another program" in kept) is (what == "replaced")
     again.close()
 
 

@@ -289,6 +289,7 @@ def test_pipes_devices_folders_and_links(path: Path, tmp_path: Path) -> None:
     each(tmp_path, "this is a folder")
     each(tmp_path / "none.sport", "No such file")
     each(tmp_path / "a\0b.sport", "null|NUL|name")
+    each(tmp_path / f"{'x' * 242}.sport", "1 bytes too long")
     each(tmp_path / ("a" * 5000), "too long")
     for file in side_files(path):
         os.mkfifo(file)

@@ -318,16 +318,20 @@ def test_what_is_offered_may_go_later_and_of_many_sessions_ten_stay(start: Start
 
 def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(app: App) -> None:
     record(app)
-    app.takes.rename(1, "gone")
+    app.takes.rename(1, "gone ##1")
     app.takes.remove(1)
     for number in range(205):
         app.editor.do("edit", lambda session, n=number: replace(session, counter=10 + n))  # type: ignore[misc]
     assert app.editor.file.flush(20.0)
-    do(app, "click ##session; click ##lost")
-    (label,) = [label for label, _ in drawn(app) if label.startswith("Take 1, ")]
+    click_on(app, "##session")
+    run(app, 2)
+    click_on(app, "##lost")
+    run(app, 2)
+    (label,) = [label for label, _ in drawn(app) if label.startswith("gone # #1, ")]
     click_on(app, label.partition("##")[0])
-    assert titles(app) == ["gone"]
-    assert said(app) == "Recovered: Take 1."
+    run(app, 2)
+    assert titles(app) == ["gone ##1"]
+    assert said(app) == "Recovered: gone ##1."
     assert app.editor.file.flush(20.0)
     app.sessions.find_lost()
     run(app, 2)

@@ -172,7 +172,10 @@ class PlantedFoot:
         if over is None or over.length < 0.0:
             return False
         ankle, toe = over.along(self.ankle[0], self.ankle[2]), over.along(self.toe[0], self.toe[2])
-        hangs = ankle < over.length + 0.5 * HEEL_M and toe > over.length
+        edge = (
+            0.0 if over.top > 0.0 else over.length
+        )  # no foot stands on a bar, nor half over the far edge of a gap
+        hangs = ankle < over.length + 0.5 * HEEL_M and toe > edge
         high = self.toe[1] - ground.height(self.toe[0], self.toe[2]) > TOE_HEIGHT + HIGH_M
         return hangs or high
 

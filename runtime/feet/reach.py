@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import dist
+from math import cos, dist, sin
 from typing import NamedTuple
 
 from runtime.feet.ik import EASE_REACH_FRACTION, MAX_REACH
 from runtime.feet.leg import LegBones, LegPose, roll_cosine, rolled, soft_reach
+from runtime.feet.next_step import has_edges
 from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import (
     MIN_SIZE,
@@ -14,8 +15,10 @@ from runtime.scalar_math import (
     Vector,
     add,
     between,
+    dot,
     length,
     multiply,
+    perpendicular,
     rotate,
     scale,
     subtract,
@@ -24,6 +27,8 @@ from runtime.scalar_math import (
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 
+MOST_ROLL_RAD = 0.6  # of a foot whose knee cannot follow
+SOLE_FIRST_FRACTION = 0.3  # of the direction of its sole, in that of its ankle
 REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
 
 
@@ -61,7 +66,11 @@ def spanned_foot(
     toe = add(target, sole)
     to_hip, along = subtract(hip, toe), unit(scale(sole, -1.0))
     cosine = roll_cosine(to_hip, bones.foot_length, reach)
-    if abs(cosine) > 1.0:
+    if has_edges(ground):
+        sole_down = rotate(rotation, (0.0, -1.0, 0.0))
+        toe, ankle, turned = _rolled_a_little(bones, hip, toe, (along, sole_down), reach)
+        rotation = multiply(between(along, turned), rotation)
+    elif abs(cosine) > 1.0:
         to_target = subtract(target, hip)
         ankle = add(hip, scale(to_target, reach / max(length(to_target), MIN_SIZE)))
         toe = add(ankle, sole)
@@ -70,6 +79,25 @@ def spanned_foot(
         ankle = add(toe, scale(turned, bones.foot_length))
         rotation = multiply(between(along, turned), rotation)
     return SpannedFoot(toe, ankle, rotation, max(0.0, depth_in_ground(toe, ankle, ground)))
+
+
+def _rolled_a_little(
+    bones: LegBones, hip: Vector, toe: Vector, foot: tuple[Vector, Vector], reach: float
+) -> tuple[Vector, Vector, Vector]:
+    """Toe, ankle and the direction from one to the other: rolled by at most `MOST_ROLL_RAD`, the rest is slid.
+
+    A foot on a bar whose knee bends no faster would turn over its toe, and back in the next frame. `foot` is where its
+    ankle is from the toe, and where its sole faces: on tiptoe under the hip it rolls back onto its sole.
+    """
+    to_hip, (along, sole_down) = subtract(hip, toe), foot
+    back = add(along, scale(sole_down, SOLE_FIRST_FRACTION))
+    turned = rolled(to_hip, back, roll_cosine(to_hip, bones.foot_length, reach))
+    if dot(along, turned) < cos(MOST_ROLL_RAD):
+        aside = unit(perpendicular(turned, along))
+        turned = add(scale(along, cos(MOST_ROLL_RAD)), scale(aside, sin(MOST_ROLL_RAD)))
+    from_hip = subtract(add(toe, scale(turned, bones.foot_length)), hip)
+    ankle = add(hip, scale(from_hip, reach / max(length(from_hip), 1e-6)))
+    return subtract(ankle, scale(turned, bones.foot_length)), ankle, turned
 
 
 def ankle_target(

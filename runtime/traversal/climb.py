@@ -93,6 +93,7 @@ def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names)
         body=timed(rows("body"), scale),
         level=timed(rows("level"), scale),
         feet=both_sides(rows("lead"), rows("trail"), scale),
+        arms=timed(rows("arms"), scale),
         stands=both_sides(contacts("lead_stands"), contacts("trail_stands"), scale),
         hands=(timed(rows("hands"), scale), timed(rows("hands", -1.0), scale)),
         elbows=((out, up, ahead), (-out, up, ahead)),

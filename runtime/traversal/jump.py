@@ -34,9 +34,9 @@ from runtime.scalar_math import (
     subtract,
     unit,
 )
-from runtime.skeleton import SPORT_SKELETON, TOE_HEIGHT
+from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights, Terrain
-from runtime.traversal.keyframes import ARMS, bend_trunk, quaternions
+from runtime.traversal.keyframes import bend_trunk, quaternions, swing_arms
 from runtime.traversal.planned_steps import PlannedSteps
 
 GRAVITY = 9.81
@@ -90,7 +90,6 @@ JUMP_LEAN_RAD = 0.22  # radians, of the trunk before and after
 SWING = 0.45, 0.9
 LEGS = (leg_bones(0), leg_bones(1))
 # cosine of an upper arm with the vertical from which it swings, and to swing wholly
-MIN_HANGING_COSINE, HANGING_COSINE_WIDTH = 0.2, 0.6
 SWING_BACK_FRACTION, LANDS_S = 0.4, 0.15  # of the push; before and after a landing
 # fractions of the swing up before it, and of that back after it
 LANDING_SWING_FRACTION, LANDED_SWING_FRACTION = 0.4, 0.3
@@ -406,11 +405,7 @@ class Jump:
     def _trunk_and_arms(self, mine: list[Quaternion]) -> None:
         """Bend the trunk and swing the arms, as far as they hang, in place."""
         bend_trunk(mine, self.lean, 0.0, -0.5 * self.lean)
-        for _, upper, fore, _ in ARMS:
-            bone = SPORT_SKELETON.offsets[fore]
-            down = -rotate(mine[upper], (float(bone[0]), float(bone[1]), float(bone[2])))[1] / length(bone)
-            hangs = smoothstep((down - MIN_HANGING_COSINE) / HANGING_COSINE_WIDTH)
-            mine[upper] = multiply(from_vector((self.swing * hangs, 0.0, 0.0)), mine[upper])
+        swing_arms(mine, self.swing)
 
     def _move_upper(self) -> None:
         """Let trunk and arms follow: back and down, up in the flight, and forward as the landing gives way."""

@@ -33,7 +33,7 @@ from runtime.scalar_math import (
     subtract,
     unit,
 )
-from runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import SPORT_SKELETON, TOE_HEIGHT
 
 Arm = tuple[int, int, int, int]
 
@@ -49,6 +49,7 @@ MIN_ARC_SINE = 1e-4  # a shorter arc is taken for a straight line
 MIN_ARM_OPENING_M = 1e-3  # of the wrist from where an arm is folded wholly
 LEVEL_TOES_FRACTION = 0.7  # of a raised heel's pitch that the toes take back; chosen by eye
 CONTACT_CHANGE_FRACTION = 0.012  # of a motion, in which a contact comes or goes; chosen by eye
+MIN_HANGING_COSINE, HANGING_COSINE_WIDTH = 0.2, 0.6
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,14 @@ def bend_trunk(local: list[Quaternion], lean: float, twist: float, look: float) 
         local[joint] = multiply(from_vector((fraction * lean, fraction * twist, 0.0)), local[joint])
     for joint in NECK:
         local[joint] = multiply(from_vector((0.5 * look, 0.0, 0.0)), local[joint])
+
+
+def swing_arms(local: list[Quaternion], swing: float) -> None:
+    """Swing the arms in place, as far as they hang: radians, backwards above 0."""
+    for _, upper, fore, _ in ARMS:
+        down = -rotate(local[upper], _OFFSETS[fore])[1] / length(_OFFSETS[fore])
+        hangs = smoothstep((down - MIN_HANGING_COSINE) / HANGING_COSINE_WIDTH)
+        local[upper] = multiply(from_vector((swing * hangs, 0.0, 0.0)), local[upper])
 
 
 def place_foot(
@@ -255,6 +264,7 @@ class KeyframedMotion:
         Track, Track
     ]  # fraction of the start, of the end; toe joint x, y, z; heel over toe, knee outwards
     stands: tuple[Track, Track]  # contact of heel, of toe
+    arms: Track  # radians that they swing back
     hands: tuple[Track, Track]  # weight, wrist x, y, z, hand turned inwards, fingers down
     elbows: tuple[Vector, Vector]  # where they point
 
@@ -267,6 +277,7 @@ class KeyframedMotion:
         level = self.level.at(t)[0]
         mine[0] = multiply(from_vector((pitch, yaw, roll)), mine[0])
         bend_trunk(mine, lean, twist, look)
+        swing_arms(mine, self.arms.at(t)[0])
         hands = [track.at(t) for track in self.hands]
         place = self._within_reach((x + dx, y + level * (STANDING_HIPS_M - y) + dy, z), mine, hands)
         fraction = smoothstep(min(t, self.seconds - t) / FADE_S)
@@ -290,7 +301,8 @@ class KeyframedMotion:
         both = start + end
         toe = (
             both * leg.toe[0] + x,
-            both * leg.toe[1] + end * self.rise + y,
+            # it lands on the ground, over which the network's body may hover meanwhile
+            start * leg.toe[1] + end * (min(leg.toe[1], TOE_HEIGHT) + self.rise) + y,
             start * (leg.toe[2] - root + self.start_z) + end * (leg.toe[2] - root + self.end_z) + z,
         )
         bend = from_vector((heel, 0.0, 0.0))

@@ -224,7 +224,7 @@ def _recognised(run: ObstacleRun, classifier: StyleClassifier | None) -> float |
     style = run.motion.style
     if classifier is None or style not in classifier.labels:
         return None
-    windows = window_set([run.motion], None)
+    windows = window_set([run.motion], None, under_body=True)
     answers = classifier.predict(windows.for_classifier)
     return float(np.mean([merged(a) == merged(style) for a in answers])) if answers else None
 

@@ -5,8 +5,10 @@ import pytest
 
 from runtime.feet.leg import leg_bones, leg_forward, turned_out
 from runtime.feet.next_step import HEEL_M, TOE_M, NextStep, SteppedOver, has_edges
-from runtime.scalar_math import length, subtract
-from runtime.skeleton import ANKLE_HEIGHT
+from runtime.feet.planted_foot import PlantedFoot
+from runtime.feet.reach import spanned_foot
+from runtime.scalar_math import from_vector, length, subtract
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights, Terrain
 from runtime.terrain.library import make_terrain
 from tests.helpers.walker import walk
@@ -101,3 +103,25 @@ def test_a_knee_gives_way_to_a_bar_and_the_foot_stays():
 )
 def test_only_ground_with_edges_has_next_steps(name, edges):
     assert has_edges(PointHeights(make_terrain(name))) == edges
+
+
+def test_a_foot_takes_no_hold_on_a_bar():
+    ground, over = PointHeights(make_terrain("hurdles")), SteppedOver(z=7.45, length=0.1, top=0.3)
+    foot = PlantedFoot(1)
+    for toe_z, on_its_way in ((7.35, False), (7.5, True), (7.6, True), (7.8, False)):
+        height = ground.height(0.0, toe_z) + TOE_HEIGHT
+        foot.toe, foot.ankle = (0.0, height, toe_z), (0.0, height + 0.06, toe_z - 0.12)
+        assert foot.is_over(over, ground) is on_its_way
+
+
+def test_a_foot_on_tiptoe_under_its_hip_does_not_turn_over():
+    """A knee that cannot follow makes its foot roll; the hip goes past the toe meanwhile."""
+    ground, bones = PointHeights(make_terrain("beam")), leg_bones(1)
+    ankles, heels = [], []
+    for z in np.arange(-0.1, 0.1, 0.005):
+        upright = from_vector((1.35, 0.0, 0.0))
+        foot = spanned_foot(bones, upright, (-0.11, 1.04, float(z)), (-0.1, 0.24, 0.0), 0.83, ground)
+        ankles.append(foot.ankle)
+        heels.append(foot.ankle[2] - foot.toe[2])
+    assert np.linalg.norm(np.diff(ankles, axis=0), axis=-1).max() < 0.02
+    assert max(heels) < 0.0  # onto its sole

@@ -132,6 +132,43 @@ def test_getting_down_lands_softly_and_clears_the_edge(drop: float, start: float
     assert height.min() < height[-1] - 0.15  # the knees take the landing
 
 
+@pytest.mark.parametrize("drop", [0.6, 1.0, 1.4])
+@pytest.mark.parametrize("start", [-0.75, -0.4])
+def test_getting_down_no_knee_kneels_and_no_heel_brushes_the_edge(drop: float, start: float) -> None:
+    """Also from as far before the edge as a jogger stops."""
+    positions, _ = played(Climb(-drop, start, 1.0))
+    for name, margin in (("shins", 0.02), ("thighs", 0.02)):
+        surface = np.concatenate([capsule_points(positions, *ends) for ends in CAPSULES[name]], 1)
+        assert depth_of(surface, -drop, 1.0).max() < margin, name
+    ankles = positions[:, [4, 9]] - [0.0, ANKLE_HEIGHT, 0.0]
+    assert depth_of(ankles, -drop, 1.0).max() < 0.01
+
+
+def test_a_body_that_hovers_meanwhile_lands_on_the_ground() -> None:
+    """The network's pose of a drunk tucks its feet by as much as 14 cm."""
+    crossing, (hips, local) = Climb(-1.4, -0.4, 1.0), standing("upright")
+    tucked = np.array([[0.09, ANKLE_HEIGHT + 0.14, 0.01], [-0.09, ANKLE_HEIGHT + 0.14, 0.01]])
+    local = solve_legs(hips, local, tucked, rotations.identity((2,)).astype(np.float64))
+    t = 0.8 * crossing.seconds
+    pose = crossing.pose(t, moved(hips, crossing.root_z(t)), local)
+    positions, _ = SPORT_SKELETON.forward_kinematics(pose.hips, pose.local)
+    assert pose.contacts.tolist() == [1.0] * 4
+    np.testing.assert_allclose(positions[[5, 10], 1], TOE_HEIGHT - 1.4, atol=0.01)
+
+
+def test_arms_keep_their_style_while_they_swing() -> None:
+    """Hanging arms swing, spread ones stay."""
+    for style, least, most in (("upright", 0.5, 0.8), ("aeroplane", 0.0, 0.05)):
+        crossing, (hips, local) = Climb(-1.0, -0.4, 1.0), standing(style)
+        turned = [
+            rotations.angle_between(
+                crossing.pose(t, moved(hips, crossing.root_z(t)), local).local[[18, 25]], local[[18, 25]]
+            ).max()
+            for t in np.linspace(0.0, crossing.seconds, 40)
+        ]
+        assert least <= max(turned) <= most
+
+
 @pytest.mark.parametrize("rise", [0.6, 1.0, 1.3, 1.5])
 def test_spread_arms_do_not_turn_over_on_their_way_to_the_edge(rise: float) -> None:
     for start in (-0.45, -0.38, -0.3):

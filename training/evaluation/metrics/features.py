@@ -176,12 +176,17 @@ _NO_ROWS = [np.zeros((0, size), np.float32) for size in (234, 88, 384)]
 EMPTY = WindowSet(_NO_ROWS[0], _NO_ROWS[1], _NO_ROWS[2], np.zeros(0, np.int64))
 
 
-def window_set(motions: Iterable[Motion], encoder: ExportedMotionEncoder | None, hop: int = HOP) -> WindowSet:
-    """Windows `hop` frames apart of every motion."""
+def window_set(
+    motions: Iterable[Motion],
+    encoder: ExportedMotionEncoder | None,
+    hop: int = HOP,
+    under_body: bool = False,
+) -> WindowSet:
+    """Windows `hop` frames apart of every motion; heights as in `Motion.root_features`."""
     sets = []
     for number, motion in enumerate(motions):
         starts = window_starts(len(motion), hop)
-        root = motion.root_features()
+        root = motion.root_features(under_body)
         codes = EMPTY.encoder
         if encoder is not None:
             codes = encoded(encoder, root, starts)[0].reshape(len(starts), -1)

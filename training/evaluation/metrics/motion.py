@@ -22,6 +22,7 @@ from training.frames import RootPath
 WINDOW_SAMPLES = 40  # T of the content encoder
 WINDOW_STRIDE = 2  # frames between two samples, as in stage 1
 WINDOW_FRAMES = WINDOW_STRIDE * (WINDOW_SAMPLES - 1) + 1
+UNDER_BODY_FRAMES = np.arange(-15, 16)  # of the path whose mean height is that under a body: about a step
 GESTURES = ("raise_", "wave_")  # styles that were captured standing only
 
 
@@ -70,14 +71,21 @@ class Motion:
             unlocked=unlocked,
         )
 
-    def root_features(self) -> RootFeatures:
-        """Joints, rotations and velocity relative to the smoothed root: the same for capture and for what is generated."""
+    def root_features(self, under_body: bool = False) -> RootFeatures:
+        """Joints, rotations and velocity relative to the smoothed root: the same for capture and for what is generated.
+
+        Heights are over the networks' reference ground, or over the ground `under_body`: the former is a second of path
+        before and behind, by which a jogger at an end of a flight of stairs is 30 cm too high or too low.
+        """
         positions, world = SPORT_SKELETON.forward_kinematics(
             self.hips.astype(np.float64), self.local.astype(np.float64)
         )
         path = RootPath.of(positions)
         points = features.height_points(path.padded_root[path.window], path.directions[path.window])
         ground = features.ground_height(self.terrain.height(points[..., 0], points[..., 1]))
+        if under_body:
+            x, z = np.moveaxis(path.padded_root[path.now[:, None] + UNDER_BODY_FRAMES], -1, 0)
+            ground = self.terrain.height(x, z).mean(1)
         return RootFeatures(
             features.relative_joints(positions, path.root, ground, path.yaw).astype(np.float32),
             features.relative_rotations(world, path.yaw).astype(np.float32),

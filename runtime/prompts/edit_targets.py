@@ -43,6 +43,8 @@ ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows
 LEAN_FRACTION = 0.25  # of what captured leans forward range over, that a lean is asked for at least
 # of the range of a captured jog: where the median of its whole takes lies, which are not always at their full speed
 JOG_LEAN_FRACTION = 0.1
+# metres from its place within which a hand is left alone: the farthest of one that is held, and of one that the edit places
+MAX_NEAR_M, PLACED_NEAR_M = 0.1, 0.03
 PLAIN_ARM = "{side} arm hanging relaxed at the side, swinging naturally with the steps"
 PLAIN_TORSO = "torso upright and relaxed, shoulders level"
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
@@ -155,6 +157,10 @@ def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int,
         if values and name != HAND:
             shown = measured.clause(part, clause, name) or measured.phrase(kind, phrase, name)
             found.append((column, _ranges(name, values, shown)))
+        elif is_placed(part, clause, values):
+            *place, near = values
+            values = (*place, min(near, PLACED_NEAR_M))
+            found += [(at, ((value, value),) * len(GAITS)) for at, value in enumerate(values, column)]
         elif values and not measured.moves(part, clause):
             found += [(at, ((value, value),) * len(GAITS)) for at, value in enumerate(values, column)]
     return tuple(found)
@@ -232,9 +238,15 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
             descriptions = descriptions.replace(part, _unedited(said, part.split("_")[0]))
     for part in ("left_arm", "right_arm"):
         said = getattr(descriptions, part)
-        if not captured().is_caption(part, said) and "hand" in targets_of(part, said):
+        clause, _, (_, place) = spoken(part, said).get(HAND, ("", "", (0, ())))
+        if not captured().is_caption(part, said) and is_placed(part, clause, place):
             descriptions = descriptions.replace(part, PLAIN_ARM.format(side=part.split("_")[0]))
     return descriptions
+
+
+def is_placed(part: str, clause: str, place: Values) -> bool:
+    """Return whether a clause has a hand at a place and held there, so that the edit alone shows it: not one that waves."""
+    return bool(place) and place[-1] <= MAX_NEAR_M and not captured().moves(part, clause)
 
 
 def _unedited(said: str, side: str) -> str:

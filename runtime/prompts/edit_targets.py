@@ -40,11 +40,7 @@ from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
 ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
-LEAN_FRACTION = 0.25  # of what captured leans forward range over, that a lean is asked for at least
-# of the range of a captured jog: where the median of its whole takes lies, which are not always at their full speed
-JOG_LEAN_FRACTION = 0.1
-# metres from its place within which a hand is left alone: the farthest of one that is held, and of one that the edit places
-MAX_NEAR_M, PLACED_NEAR_M = 0.1, 0.03
+LEAN_FRACTION = 0.25  # of what captured leans range over, that a lean forward and a jog are asked for
 PLAIN_ARM = "{side} arm hanging relaxed at the side, swinging naturally with the steps"
 PLAIN_TORSO = "torso upright and relaxed, shoulders level"
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
@@ -183,7 +179,7 @@ def _of_caption(name: str, ranges: Ranges, of_one_style: bool) -> Ranges:
         return (None, *ranges[1:])
     if not of_one_style:
         return ranges
-    low_in_range = (0.5, JOG_LEAN_FRACTION, 0.5)
+    low_in_range = (0.5, LEAN_FRACTION, 0.5)  # a jog's takes are not always at their full speed
     leans = (e and e[0] + f * (e[1] - e[0]) for e, f in zip(ranges, low_in_range, strict=True))
     return tuple(None if lean is None else (lean, lean) for lean in leans)
 

@@ -191,7 +191,7 @@ def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: floa
         ("left knee slightly bent", {"lower": (0.01, 0.04)}),
         ("left foot turned outward like a duck", {"toe_out": (15, 30)}),
         ("left toes turned slightly in", {"toe_out": (-15, -5)}),
-        ("left leg stiff and straight, foot dragging over the ground", {"knee": (-np.inf, 35)}),
+        ("left leg stiff and straight, foot dragging over the ground", {"knee": (-np.inf, 35), "lift": (-np.inf, 0.09)}),
         ("left leg stepping evenly, foot rolling from heel to toe", {}),
         ("left leg springing off the toes at every step", {}),
     ],

@@ -4,8 +4,6 @@
 hand faster than the motion does, 1.3 is too much.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Every action is one that a user can do: keys, clicks, words, files dropped, take
 raises ends the run with the actions before it.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import logging

@@ -1,7 +1,5 @@
 """A short random play on hurdles, where a pop was found, with the shipped model."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -3,8 +3,6 @@
 Every answer here is made up by the test and marked as synthetic.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

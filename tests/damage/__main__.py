@@ -1,7 +1,5 @@
 """Damage a session many times: `python -m tests.damage --count 2000 --first 0`; what went wrong, by kind."""
 
-from __future__ import annotations
-
 import argparse
 import random
 import tempfile

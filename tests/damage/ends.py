@@ -1,7 +1,5 @@
 """Ways in which a session ends, and whether the next start offers it: `python -m tests.damage.ends` prints each."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

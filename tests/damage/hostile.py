@@ -1,7 +1,5 @@
 """Sessions of others that name what is not theirs: `python -m tests.damage.hostile` opens 200 and counts what is touched."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Characters, films and takes of forty names in all scripts, opened ten times here and on another machine: `python -m tests.damage.names`."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What opening and playing a session costs, in a process of its own: `python -m tests.damage.opening FILE [--window]`."""
 
-from __future__ import annotations
-
 import argparse
 import resource
 import tempfile

@@ -1,7 +1,5 @@
 """Sessions of many frames, pieces, steps and rows: `python -m tests.damage.sizes` prints what opening and playing each costs."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sqlite3

@@ -1,7 +1,5 @@
 """`python -m tests.faults [--times N] [--seconds S]`: every fault N times, as a table; 1 when anything more was lost."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

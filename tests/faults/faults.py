@@ -1,7 +1,5 @@
 """Each fault as a function: it happens to a process that records or edits, and what is left is counted."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

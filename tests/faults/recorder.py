@@ -3,8 +3,6 @@
 It reports on its output, a line each, how many frames of the running take it has recorded, or how many edits it has made.
 """
 
-from __future__ import annotations
-
 import argparse
 import errno
 import logging

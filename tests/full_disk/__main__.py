@@ -1,7 +1,5 @@
 """`python -m tests.full_disk [--only ENDING]`: every format onto a full disk of its own (as root), as a table."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

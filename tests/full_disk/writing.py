@@ -1,7 +1,5 @@
 """What is written onto the disk, and the process that does it for one format with less and less room."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable

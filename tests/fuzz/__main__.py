@@ -6,8 +6,6 @@ Each batch is a process of its own, so that one that crashes or is killed for me
 `--only NAME --first K --count 1` reads one input of the table again.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import sys

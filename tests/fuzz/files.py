@@ -1,7 +1,5 @@
 """Targets that are files: motion, characters and grounds."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import io

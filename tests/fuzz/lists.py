@@ -1,7 +1,5 @@
 """Targets beside the program's own files: batch lists, answers of a study, and takes as the Blender add-on reads them."""
 
-from __future__ import annotations
-
 import json
 import math
 from functools import cache

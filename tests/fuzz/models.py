@@ -1,7 +1,5 @@
 """Targets that are networks: model folders, text encoders, and an endpoint's answers on the wire."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import random

@@ -1,7 +1,5 @@
 """Damage to bytes, text, JSON and the containers that readers take apart; the same generator gives the same damage."""
 
-from __future__ import annotations
-
 import json
 import random
 import struct

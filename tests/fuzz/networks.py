@@ -1,7 +1,5 @@
 """A model folder and a text encoder of a few hundred bytes that load and walk: what mutated graphs are made from."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Targets that are sessions: the file with its rows, what takes were driven by, and the states of controllers in it."""
 
-from __future__ import annotations
-
 import io
 import json
 import random

@@ -1,7 +1,5 @@
 """What a fuzz target is: a reader, good inputs for it, the damage that fits them, and what must hold of what it reads."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The target that is the window: damaged files of every kind are dropped on it, and it says so and goes on."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 from collections.abc import Iterator

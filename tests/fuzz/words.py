@@ -1,7 +1,5 @@
 """Targets that are words and settings: prompts, parts, answers of language models, the command line, the library."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

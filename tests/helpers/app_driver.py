@@ -1,7 +1,5 @@
 """What tests of the application do to it: run frames, press, type and click, and look at its state."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable
@@ -119,8 +117,7 @@ def click_on(app: App, label: str, index: int = 0) -> None:
     """Click a widget where it is when the pointer has got there: a name that was just read may move what is beside it."""
     spot = place(app, label, index)
     for _ in range(5):
-        hand.mouse(app.window, *spot, 0 if app.frames_shown else None, False)
-        run(app, 2)
+        point(app, *spot, 0 if app.frames_shown else None, False)
         before, spot = spot, place(app, label, index)
         if spot == before:
             break
@@ -129,8 +126,25 @@ def click_on(app: App, label: str, index: int = 0) -> None:
 
 def click(app: App, x: float, y: float) -> None:
     for down in (False, True, False):
-        hand.mouse(app.window, x, y, 0 if down or app.frames_shown else None, down)
-        run(app, 2)
+        point(app, x, y, 0 if down or app.frames_shown else None, down)
+    run(app, 2)
+
+
+def point(app: App, x: float, y: float, button: int | None = None, down: bool = False) -> None:
+    """Move the mouse there, where a button may change, and let the panels answer."""
+    hand.mouse(app.window, x, y, button, down)
+    run(app, 2)
+
+
+def wheel(app: App, steps: float) -> None:
+    hand.wheel(app.window, steps)
+    run(app, 2)
+
+
+def type_in(app: App, text: str) -> None:
+    """Type into the field that has the keyboard."""
+    hand.text(app.window, text)
+    run(app, 3)
 
 
 def click_prompt_box(app: App) -> None:
@@ -138,21 +152,21 @@ def click_prompt_box(app: App) -> None:
 
 
 def press(app: App, *names: str) -> None:
-    """Press keys together, the last ones last, and let them go."""
+    """Press keys together, the last ones last, and let them go; then a few frames in which panels answer."""
     for name in names:
         app.window.inject_key(name, True)
         run(app)
     for name in reversed(names):
         app.window.inject_key(name, False)
         run(app)
+    run(app, 2)
 
 
 def type_prompt(app: App, text: str) -> None:
     """Go to the prompt's field, where everything is selected, and type."""
     app.shell.focus_prompt()
     run(app, 3)
-    hand.text(app.window, text)
-    run(app, 3)
+    type_in(app, text)
 
 
 def typing(app: App) -> bool:
@@ -188,8 +202,7 @@ def style(app: App) -> np.ndarray:
 
 def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
     for at, down in ((start, None), (start, True), (end, True), (end, False)):
-        hand.mouse(app.window, *at, None if down is None else 0, bool(down))
-        run(app, 2)
+        point(app, *at, None if down is None else 0, bool(down))
     run(app, 2)
 
 

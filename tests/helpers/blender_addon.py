@@ -1,7 +1,5 @@
 """The Blender add-on as a module, and commands that run in Blender itself."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil

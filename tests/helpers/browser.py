@@ -1,7 +1,5 @@
 """A real headless Chromium without a network."""
 
-from __future__ import annotations
-
 import base64
 import io
 import shutil

@@ -1,7 +1,5 @@
 """What a piece of work costs, counted rather than timed; and bounds against files that are made to cost without end."""
 
-from __future__ import annotations
-
 import sys
 import time
 import tracemalloc

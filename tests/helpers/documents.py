@@ -1,7 +1,5 @@
 """What the documents hold: fenced blocks, commands, links; and whether a command would be accepted as it stands."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import re

@@ -1,7 +1,5 @@
 """Plays the takes of an FBX by ufbx: what another program sees of it. In a process of its own: ufbx crashes where it frees."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -3,8 +3,6 @@
 The window is on a virtual screen (Xvfb, xdotool). W is held, and T keeps the last seconds: the session then has a take that goes somewhere.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Three skinned characters of others, built here: textured boxes on skeletons as Mixamo, VRM and a centimetre rig have them."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A session that has one of everything, and the pieces that it is made of."""
 
-from __future__ import annotations
-
 import sqlite3
 import zlib
 from contextlib import closing

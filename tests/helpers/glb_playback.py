@@ -1,7 +1,5 @@
 """Plays the animation of a GLB with nothing of the project's own reader: what another program sees of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

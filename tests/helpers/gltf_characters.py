@@ -1,7 +1,5 @@
 """Poses and a user's character that tests of glTF share, and a GLB taken apart."""
 
-from __future__ import annotations
-
 import json
 import struct
 import tempfile

@@ -4,8 +4,6 @@ After a wanted change of the look: SPORT_UPDATE_GOLDEN=1 pytest tests/viewer/ren
 tests/golden.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

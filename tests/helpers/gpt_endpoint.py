@@ -1,7 +1,5 @@
 """An OpenAI-compatible HTTP server on loopback that behaves well and badly, and what tests of the expander share."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import socket

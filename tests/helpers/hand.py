@@ -1,7 +1,5 @@
 """What a hand does to the application's window: mouse, wheel, text, and the window itself."""
 
-from __future__ import annotations
-
 from viewer.gl_bindings import glfw, imgui
 from viewer.window import KEY_CODES, Window
 

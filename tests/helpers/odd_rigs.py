@@ -1,7 +1,5 @@
 """Skinned characters with joints that no table names, built here: humanoids as they are found, and a four-legged one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

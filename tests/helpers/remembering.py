@@ -1,7 +1,5 @@
 """Networks that answer from memory what they were asked before: many tests begin with the same steps of the same walk."""
 
-from __future__ import annotations
-
 import itertools
 from collections import OrderedDict
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Stand-ins for the rendering tests: a capsule body skinned to the SPORT skeleton, poses, terrains."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What ships, loaded once for every test of a process; a test that changes one of these loads its own."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from runtime.assets import asset_path

@@ -1,7 +1,5 @@
 """Hooks of pytest: tests that need torch are skipped without it, and the ids of what is skipped go into a file."""
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Clips of a figure that glides, as the import writes them: what tests of training learn from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Blender add-on: what it reads from files, and in Blender what it imports and follows."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import time

@@ -1,7 +1,5 @@
 """The arrows of docs/architecture.md, imports without side effects, and files that stay readable and movable."""
 
-from __future__ import annotations
-
 import ast
 import graphlib
 import json

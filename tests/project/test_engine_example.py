@@ -1,7 +1,5 @@
 """The controller elsewhere: golden vectors, the plain reference loop, and the network's step in JavaScript."""
 
-from __future__ import annotations
-
 import functools
 import http.server
 import importlib.util

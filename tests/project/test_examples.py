@@ -1,7 +1,5 @@
 """The numbered examples run as they are, and leave the files that they speak of."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Every reader meets a few dozen damaged inputs; `python -m tests.fuzz --count 100000` is the long run."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every command and every Python block of the guide and of the documents beside it runs as it stands there."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the README shows runs as it stands there, and every document leads to files and headings that exist."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from itertools import chain

@@ -1,7 +1,5 @@
 """Values of JSON that nobody vouches for, and the curves that ease."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Clocks that jump and times that no clock gives: nothing is lost, swept away under another program, or not finite."""
 
-from __future__ import annotations
-
 import random
 import time
 from itertools import cycle

@@ -1,7 +1,5 @@
 """Small files that would cost much, run something or never end: refused, or read at their own size."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import struct

@@ -1,7 +1,5 @@
 """Names of files: taken once, by one program; links and modes kept; devices left alone."""
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

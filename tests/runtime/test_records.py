@@ -1,7 +1,5 @@
 """State as data: copies that are apart, many records joined and taken apart, files that are checked by the annotations."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

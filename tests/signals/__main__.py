@@ -1,7 +1,5 @@
 """`python -m tests.signals [--only NAME] [--moments N]`: SIGINT and SIGTERM at moments of each command, as a table."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import signal

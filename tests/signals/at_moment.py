@@ -3,8 +3,6 @@
 python at_moment.py SIGNAL EVENT TEXT COUNT -- ARGUMENTS of sport
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """A command in folders of its own, ended by a signal; and what is wrong with how it ended."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

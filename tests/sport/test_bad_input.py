@@ -1,7 +1,5 @@
 """Whatever is damaged, unknown or missing: one sentence with a remedy, exit code 2, and a viewer that goes on."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Batches: lists, what is made again and what is not, workers that die, and a real batch killed half way."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -3,8 +3,6 @@
 As root nothing is denied, so that the processes run without that right.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """`sport generate` from words: six descriptions in a file, the library, and a language model on loopback."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Text of other encodings, numbers without sense and names that are no text: read where they can be, else a sentence."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A signal ends every command at any moment, in a sentence, with its own code, and leaves nothing."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """`sport convert` and the exports of `sport generate`, as they are typed."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What goes wrong outside the program: names that are too long, leftovers, numbers that are none."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

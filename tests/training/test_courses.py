@@ -1,7 +1,5 @@
 """Clips of a model's own traversals: made ground, what is rounded off, and which stretches are kept."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The real application without a display (PLATFORM_NULL and EGL): its window, size, scale and options."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Settings are in their file a second after they change, whatever becomes of the program then."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

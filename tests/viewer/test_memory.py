@@ -1,7 +1,5 @@
 """What a run keeps in memory, and how that is measured: causes, not megabytes, which depend on the machine."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """A short run of random actions; `python -m tests.monkey` makes longer ones."""
 
-from __future__ import annotations
-
 from tests import monkey
 from tests.helpers.viewer_fakes import fake_services
 

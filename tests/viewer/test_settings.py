@@ -1,7 +1,5 @@
 """Settings of two windows, of newer versions, and with values that are none."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The real application by mouse and keys: whatever a user made is undone by Ctrl+Z, one thing at a time, and is in the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +20,7 @@ from tests.helpers.app_driver import (
     drawn,
     message,
     place,
+    point,
     press,
     record,
     run,
@@ -60,7 +59,6 @@ def menu(app: App, row: int, *entries: str) -> None:
 
 def undo(app: App) -> None:
     press(app, "ctrl", "z")
-    run(app, 2)
 
 
 def trims(app: App) -> list[tuple[int, int]]:
@@ -107,14 +105,12 @@ def test_one_drag_of_a_handle_is_one_step(app: App) -> None:
     play_row(app, 0)
     steps = app.editor.history.present.number
     y, xs = place(app, "##timeline")[1] + 7.0, [place(app, "##timeline", share=k / 20)[0] for k in range(11)]
-    hand.mouse(app.window, xs[0] + 2.0, y)
-    run(app, 2)
+    point(app, xs[0] + 2.0, y)
     for x in xs:
         hand.mouse(app.window, x + 2.0, y, 0, True)
         run(app)
     assert app.editor.history.present.number == steps, "it is no step while the mouse holds it"
-    hand.mouse(app.window, xs[-1] + 2.0, y, 0, False)
-    run(app, 2)
+    point(app, xs[-1] + 2.0, y, 0, False)
     assert app.editor.history.present.number == steps + 1
 
 
@@ -160,7 +156,6 @@ def test_undo_removes_the_camera_key_and_not_the_pin_before_it(app: App) -> None
     for entry in ("Left hand", "Camera key"):
         click_on(app, "+ Pin")
         click_on(app, entry)
-        run(app, 2)
     take = app.editor.session.takes[0]
     assert (len(take.poses.pins), len(take.cameras)) == (1, 1)
     undo(app)
@@ -178,7 +173,6 @@ def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: S
     run(app, 2)
     click_on(app, "Files, body, links")
     click_on(app, "Mannequin")
-    run(app, 2)
     begin, end = (place(app, "##shape height", share=share) for share in (0.5, 0.2))
     steps = app.editor.history.present.number
     drag(app, begin, end)
@@ -234,7 +228,6 @@ def test_the_scene_panel_names_the_ground_of_the_take_that_plays(app: App) -> No
     assert shown_ground(app).lower() == "flat"
     assert app.scene.renderer.terrain.name == "flat"
     press(app, "escape")
-    run(app, 2)
     assert shown_ground(app).lower() == "hills"
     undo(app)
     assert shown_ground(app).lower() == "flat"

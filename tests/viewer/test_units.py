@@ -1,7 +1,5 @@
 """Parts of the viewer that need no window: settings, messages, layout, simulation, playback, file names."""
 
-from __future__ import annotations
-
 import math
 import os
 from pathlib import Path

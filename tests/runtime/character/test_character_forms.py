@@ -4,8 +4,6 @@
 the image of its KTX2.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil

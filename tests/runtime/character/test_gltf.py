@@ -1,7 +1,5 @@
 """The shipped mannequin, skinning, and users' skeletons."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Character files that are damaged, foreign or unusual."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Hands end at the surface of the character that is shown: the mannequin, a stout one, and one of others' joints."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A guess of joints is believed only where geometry agrees: bones of a limb, sides, two legs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

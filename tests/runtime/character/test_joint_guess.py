@@ -1,7 +1,5 @@
 """Joints that no table names are found by the tree and the rest pose; four legs are refused; maps by hand are kept."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

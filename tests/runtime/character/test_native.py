@@ -1,7 +1,5 @@
 """Files that native libraries decode: what would let them write beyond a buffer, or fill the memory, is a sentence."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Characters keep their own size: the motion is made for it, soles stand on the ground, and files have metres."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

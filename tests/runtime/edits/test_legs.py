@@ -1,7 +1,5 @@
 """Legs that are edited towards their description: line of the feet, hips, heels, toes, knees; and what is left alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

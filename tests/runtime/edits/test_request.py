@@ -1,7 +1,5 @@
 """Targets in files, and the phrases that they come from."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

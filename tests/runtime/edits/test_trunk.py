@@ -1,7 +1,5 @@
 """Trunks that are edited towards their description: lean, twist, sway and rock; feet, and what is left alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

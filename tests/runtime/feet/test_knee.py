@@ -1,7 +1,5 @@
 """Knees that follow their feet as fast as a knee speeds up, and toes that bend on the ground."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

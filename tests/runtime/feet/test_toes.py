@@ -1,7 +1,5 @@
 """Toes that bend at push-off stay on the ground and do not flip."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A take as NPZ and CSV: read with numpy and the csv module alone, compared with the clip."""
 
-from __future__ import annotations
-
 import csv
 import importlib.util
 import json

@@ -1,7 +1,5 @@
 """Contacts and phase go with a take into every format; where a file has none they are measured on the ground it names."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Files for engines: unit and scale 1, names of takes and bones, and the motion in them, read by other programs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

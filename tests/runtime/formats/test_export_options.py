@@ -1,7 +1,5 @@
 """Options of an export are declared once: the command line, the window and the formats agree, and a form is kept as JSON."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import fields
 from pathlib import Path

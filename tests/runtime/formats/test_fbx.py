@@ -1,7 +1,5 @@
 """FBX: read back by ufbx, and by Blender where there is one."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

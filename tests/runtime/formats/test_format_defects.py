@@ -1,7 +1,5 @@
 """What a written take must be for readers that are not ours: steady angles, the take's own rate, unit and heading."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every format without room, and with texts that no file can hold: a sentence or a whole file, the old one kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A take as GLB: the character's own mesh, skin and materials, and joints where our kinematics puts them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What a GLB of a take leaves out: accessors of old animations, and offsets of accessors without bytes (sparse ones)."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Motion that comes in as GLB: every rig's animation is the one that was written, on our skeleton or as a reference."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Any

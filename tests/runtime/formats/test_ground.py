@@ -1,7 +1,5 @@
 """The ground as triangles: where the take stands on it, in the take's unit, and read back as the same ground."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

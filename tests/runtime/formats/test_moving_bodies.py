@@ -1,7 +1,5 @@
 """Motion of files with several skins, several characters, spaces that scale or mirror, tangents of both signs, and any rate."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Own exports of characters of all builds, opened again in every format that is read: what comes back is what went out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A take as a web page, in a real headless Chromium without a network: pictures, keys, a phone's size."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A BVH of another skeleton plays as reference on ours, and an opened take lies on its own ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Options of an export: where a take stands, what is left of its way, and that nothing of it is lost on the way back."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """USD: read back by OpenUSD's own skinning, validated by its validators, and a clear sentence where it is not there."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 from dataclasses import replace

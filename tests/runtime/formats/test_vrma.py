@@ -1,7 +1,5 @@
 """VRM animation: what a player of VRM avatars makes of it is the take, and one of another program comes in."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

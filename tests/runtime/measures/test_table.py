@@ -1,7 +1,5 @@
 """The table of measures: known poses have known values, mirror images mirrored ones, and what is kept in files its columns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

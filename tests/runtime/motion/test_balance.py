@@ -1,7 +1,5 @@
 """Balance over a stride: what an inverted pendulum lacks is learnt by phase, and where it is not steady nothing moves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

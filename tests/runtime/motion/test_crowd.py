@@ -3,8 +3,6 @@
 With 8-bit weights bit by bit; in full precision the network takes them as one batch, with sums in another order.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From the stick to the first change that the eye sees: two frames, with weight and without."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

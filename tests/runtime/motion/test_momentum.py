@@ -1,7 +1,5 @@
 """Starts, stops and turns take the time that a body takes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Blends whose change is even: shares of a pair of styles are measured, kept, and used by sliders and commands."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Paths of points: followed on every leg with its gait, to the end, and given up where there is no way on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

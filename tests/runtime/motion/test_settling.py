@@ -1,7 +1,5 @@
 """A body at rest: its time runs so slowly that no limb is faster than one at rest, and it wakes at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The models in the package: found by name, each one walks, and its card says what may be done with it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Snapshots of a controller: what follows from one is the same, bit by bit, from memory and from bytes."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The stick of a clip as text."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

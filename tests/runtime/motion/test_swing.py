@@ -1,7 +1,5 @@
 """Swings of what is shown: amplified about their means, over feet that stay; only in a walk, and only as measured."""
 
-from __future__ import annotations
-
 from math import asin, pi
 from pathlib import Path
 

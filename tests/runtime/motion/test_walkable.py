@@ -1,7 +1,5 @@
 """Styles that a body cannot walk in are drawn towards neutral: what is wrong with a walk, and what is not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

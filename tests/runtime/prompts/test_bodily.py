@@ -1,7 +1,5 @@
 """What says nothing about a body is answered with neutral walking and says so; what is only odd is not."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """What captures say of words: captions ask of a walk its lean, phrases what their clips show, and the rest is written by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Clauses that say what a part does: what is understood, and that it is said in the words of the training."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the library makes of prompts: entries by their names, mixtures by part, denials, degrees, typing errors."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import pytest

@@ -1,7 +1,5 @@
 """Prompts expanded by a language model, against a real HTTP server on loopback that behaves well and badly."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import logging

@@ -1,7 +1,5 @@
 """Whatever a language model's endpoint sends, and wherever it sends the prompt on: little memory, a sentence, no open line."""
 
-from __future__ import annotations
-
 import threading
 import time
 import tracemalloc

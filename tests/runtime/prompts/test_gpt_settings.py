@@ -1,7 +1,5 @@
 """The language model's answers on disk, its settings and its key."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """Prompts that are withdrawn, cancelled or replaced while a language model is asked, and who answers meanwhile."""
 
-from __future__ import annotations
-
 import threading
 import time
 

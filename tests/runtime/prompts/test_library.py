@@ -1,7 +1,5 @@
 """The shipped prompt library: its extent, its vocabulary, its embeddings, and what is said of damaged files."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """From a prompt to Z^t: six descriptions, the content network, the worker. test_prompts_*.py have the library."""
 
-from __future__ import annotations
-
 import threading
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sides and relations in English: a table of sentences written by their meaning, and what each part must then do."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The shipped text encoder: what it says of sentences, and what it says when its files are damaged."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

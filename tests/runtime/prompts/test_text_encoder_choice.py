@@ -1,7 +1,5 @@
 """Another text encoder than the shipped one, by its folder: a small stand-in of CLIP's size, and CLIP's tower itself."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

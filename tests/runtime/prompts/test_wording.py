@@ -1,7 +1,5 @@
 """The wording that a model follows: what it is told in place of a sentence that it hardly shows."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

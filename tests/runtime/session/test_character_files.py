@@ -1,7 +1,5 @@
 """Files of characters: in the session under names that every system takes, and out again in folders of their own."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A damaged session gives back every take that can be had, and changes no text: a share of `python -m tests.damage`."""
 
-from __future__ import annotations
-
 import json
 import random
 import sqlite3

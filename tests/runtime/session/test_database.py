@@ -1,7 +1,5 @@
 """The file of a session: what is kept of it when a process, a disk or a folder goes, and two windows on one file."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

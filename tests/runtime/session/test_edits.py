@@ -1,7 +1,5 @@
 """Edits of a session as functions: numbers, selection, trims and labels hold after any of them, and history gives each back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import reduce
 

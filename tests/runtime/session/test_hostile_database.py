@@ -1,7 +1,5 @@
 """Session files from elsewhere: refused in one sentence or read, soon, without running anything that stands in them."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

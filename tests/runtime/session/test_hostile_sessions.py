@@ -1,7 +1,5 @@
 """Session files that nobody vouches for: documents that lie, bombs, other tables. One sentence each, in little time and memory."""
 
-from __future__ import annotations
-
 import json
 import os
 import sqlite3

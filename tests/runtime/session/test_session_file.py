@@ -1,7 +1,5 @@
 """The file of a session: everything comes back, nothing that was committed is lost, and what nothing uses goes."""
 
-from __future__ import annotations
-
 import sqlite3
 import time
 from contextlib import closing

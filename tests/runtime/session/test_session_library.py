@@ -1,7 +1,5 @@
 """Untitled sessions: which ones the next start finds, and which ones go."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

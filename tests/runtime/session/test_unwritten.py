@@ -1,7 +1,5 @@
 """Changes that a file had not taken are read as they were kept."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hypothesis import given

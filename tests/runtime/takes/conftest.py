@@ -1,7 +1,5 @@
 """A walk that the tests of edits bend."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

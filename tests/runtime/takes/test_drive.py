@@ -1,7 +1,5 @@
 """Takes that are resimulated: the same frames before an edit and without one, others after it, and the way back."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

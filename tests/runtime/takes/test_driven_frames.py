@@ -1,7 +1,5 @@
 """The stick of a take as one array: what is read back is what was asked for, and a frame costs 64 bytes."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

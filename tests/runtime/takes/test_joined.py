@@ -1,7 +1,5 @@
 """Takes one after the other: no jump at the seam, and feet that keep their places."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Curves through pose and camera keys: what edits of single keys leave as it was."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

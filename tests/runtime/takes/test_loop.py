@@ -1,7 +1,5 @@
 """Loops: a cycle whose last frame is its first one, and feet that stay where they stand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

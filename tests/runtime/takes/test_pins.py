@@ -1,7 +1,5 @@
 """Pins and plants: what is pinned is there, the rest is as it was, nothing jumps, and text and projects keep them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

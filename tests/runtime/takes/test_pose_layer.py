@@ -1,7 +1,5 @@
 """The pose layer: what is keyed is there, the rest is as it was, feet stay planted, curves do not overshoot."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

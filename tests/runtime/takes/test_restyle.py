@@ -1,7 +1,5 @@
 """A clip becomes a stick: its path, speed, facing and gaits, and what a walker makes of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Room for a body: nobody is led into a spike or wall, from no side, nor stands in ground that came in place of another."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Slopes of 45 degrees and more: no knee flips over the hip, no foot is left behind over it, and no leg stays in the ground."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

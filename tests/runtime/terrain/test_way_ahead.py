@@ -1,7 +1,5 @@
 """What lies across a walker's way is recognised by its kind, its edges and its height."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

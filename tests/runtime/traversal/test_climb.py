@@ -1,7 +1,5 @@
 """Keyed climbing: it begins and ends in the network's pose, the hands hold the edge, and nothing is inside the wall."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Jumps: off the ground at once at any speed, thrown as a body is, given way to, over the ground that is there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """One planned stride over an obstacle: soles over it, feet on the ground behind it, nothing that jumps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings

@@ -1,7 +1,5 @@
 """A character that walks at obstacles crosses them: leaps, climbs, stops where nothing helps, and goes on."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

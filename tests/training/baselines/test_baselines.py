@@ -1,7 +1,5 @@
 """The rivals' networks by their papers' equations, and one of them from clips to a folder that walks."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion matching: features, spring and search by their equations, and a character that walks by a database of clips."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import tomllib

@@ -1,7 +1,5 @@
 """The importer on small synthetic takes: no motion data needed."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the import must keep of a walk: knees, lean, shoulders, and skeletons whose axes follow no rule."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Lists of prompts: each has an answer; expectations of animators against measures, and their table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The text evaluation: retrieval, part edits and independence, on motions and codes whose answers are known."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

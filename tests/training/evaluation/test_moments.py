@@ -1,7 +1,5 @@
 """`python -m training.evaluation moments`: what it finds in motion whose answers are known, and its table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

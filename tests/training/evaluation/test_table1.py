@@ -1,7 +1,5 @@
 """Table I: each row is trained and measured once, a run that was killed goes on, and nothing is made up."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`training.evaluation.text.wording`: the wording of a sentence is found on walks."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

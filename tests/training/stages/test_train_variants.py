@@ -3,8 +3,6 @@
 The tests have one run of all stages in common; each takes a step or two.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import logging

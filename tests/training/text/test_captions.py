@@ -1,7 +1,5 @@
 """Captions must be true of the motion they describe: poses made for the purpose, and what is said of them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

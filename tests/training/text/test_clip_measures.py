@@ -1,7 +1,5 @@
 """What clips do as numbers, and the directions of codes that they are read off."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,13 +1,10 @@
 """The real application without a display: variants of the prompt on one stick, one of which is kept."""
 
-from __future__ import annotations
-
 import threading
 
 import numpy as np
 import pytest
 
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click,
@@ -20,6 +17,7 @@ from tests.helpers.app_driver import (
     run,
     run_until,
     texts,
+    type_in,
     type_prompt,
 )
 from viewer.app import App
@@ -40,7 +38,6 @@ def over(app: App, index: int) -> tuple[float, float]:
 def apply(app: App, text: str) -> None:
     type_prompt(app, text)
     press(app, "enter")
-    run(app, 2)
 
 
 def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(app: App) -> None:
@@ -75,17 +72,14 @@ def test_a_kept_prompt_is_the_current_one_until_undo(app: App) -> None:
     assert app.compare.open
     click_on(app, "##variant prompt", 1)
     press(app, "ctrl", "a")
-    hand.text(app.window, "someone limping")
-    run(app, 3)
+    type_in(app, "someone limping")
     press(app, "enter")
-    run(app, 3)
     assert app.compare.titles[1] == "someone limping, seed 1"
     assert prompt(app) == "a proud king"
     click_on(app, "Keep", 1)
     assert prompt(app) == "someone limping"
     assert app.prompting.boxes[0].text == "someone limping"
     press(app, "ctrl", "z")
-    run(app, 2)
     assert prompt(app) == "a proud king"
 
 
@@ -156,7 +150,6 @@ def test_closing_brings_the_view_of_the_live_character_back(app: App, mode: str)
     app.window.inject_key("w", False)
     assert camera.current.distance != pytest.approx(before[0])
     press(app, "escape")
-    run(app, 3)
     assert (camera.current.distance, camera.current.pitch) == pytest.approx(before, abs=0.02)
     walker = np.asarray(app.scene.simulation.current.hips_position, float)
     assert on_screen(camera.current, walker, imgui.get_io().display_size) is not None
@@ -227,7 +220,6 @@ def test_the_last_prompts_are_one_step(app: App) -> None:
         apply(app, text)
     press(app, "v")
     click_on(app, "Prompts")
-    run(app, 2)
     assert app.compare.titles == ["a proud king", "someone limping", "a duck"]
     assert app.editor.undo_label == "comparison of the last prompts"
     press(app, "ctrl", "z")

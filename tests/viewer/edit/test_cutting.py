@@ -1,7 +1,5 @@
 """The real application without a display: takes are split, cut, repeated and joined by the timeline's menu."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.helpers.app_driver import Start, click_on, message, press, run, texts

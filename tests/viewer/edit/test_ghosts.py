@@ -1,7 +1,5 @@
 """What is drawn around a take, and its mirror image."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The real application without a display: curves of keys are chosen, dragged, eased and removed in the graph editor."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +10,7 @@ from runtime.takes.camera_keys import CameraKey
 from runtime.takes.key_curves import Channel, Curve, CurveKey, KeyedCurves
 from runtime.takes.pose_layer import PoseKey, PoseLayer, Tangent
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, press, run
+from tests.helpers.app_driver import Start, click, click_on, point, press, run
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
 from viewer.edit.graph_editor import GraphEditor
@@ -77,16 +75,12 @@ def key_place(app: App, channel: Channel, frame: int) -> tuple[float, float]:
 
 
 def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None:
-    hand.mouse(app.window, *start)
-    run(app, 2)
-    hand.mouse(app.window, *start, 0, True)
-    run(app, 2)
+    point(app, *start)
+    point(app, *start, 0, True)
     for step in range(1, 5):
         at = [a + (b - a) * step / 4 for a, b in zip(start, end, strict=True)]
-        hand.mouse(app.window, *at)
-        run(app, 2)
-    hand.mouse(app.window, *end, 0, False)
-    run(app, 3)
+        point(app, *at)
+    point(app, *end, 0, False)
 
 
 def test_a_key_is_chosen_dragged_and_undone(app: App) -> None:
@@ -100,10 +94,8 @@ def test_a_key_is_chosen_dragged_and_undone(app: App) -> None:
     assert curves(app).keys(HIPS_UP) == before.keys(HIPS_UP)
     assert graph(app).chosen == {CurveKey(HEAD_YAW, frame)}
     press(app, "ctrl", "z")
-    run(app, 2)
     assert curves(app) == before
     press(app, "ctrl", "y")
-    run(app, 2)
     assert curves(app).keys(HEAD_YAW) == moved
 
 
@@ -115,22 +107,18 @@ def test_keys_in_a_box_are_chosen_and_removed_by_one_step(app: App) -> None:
     drag(app, low, high)
     assert {CurveKey(HEAD_YAW, 60), CurveKey(HIPS_UP, 60)} <= graph(app).chosen
     press(app, "delete")
-    run(app, 2)
     assert 60 not in curves(app).keys(HEAD_YAW)
     assert curves(app).moved([], 0, lambda _: 0.0).channels() != before.channels()
     press(app, "ctrl", "z")
-    run(app, 2)
     assert curves(app) == before
 
 
 def test_all_are_chosen_by_a_key_and_let_go_by_escape(app: App) -> None:
     click(app, *on_plot(app, 40, 55.0))
     press(app, "ctrl", "a")
-    run(app, 2)
     assert len(graph(app).chosen) == sum(len(curves(app).keys(each)) for each in curves(app).channels())
     press(app, "escape")
     press(app, "escape")
-    run(app, 2)
     assert not graph(app).chosen
 
 
@@ -138,7 +126,6 @@ def test_a_tangent_of_the_chosen_key_is_another(app: App) -> None:
     click(app, *key_place(app, HEAD_YAW, 20))
     click_on(app, "##curve tangent")
     click_on(app, "Step")
-    run(app, 2)
     assert curves(app).tangent(CurveKey(HEAD_YAW, 20)) is Tangent.STEP
 
 
@@ -147,7 +134,6 @@ def test_a_hidden_curve_is_not_chosen(app: App) -> None:
     run(app, 2)
     click(app, *on_plot(app, 40, 55.0))
     press(app, "ctrl", "a")
-    run(app, 2)
     assert graph(app).chosen
     assert not any(key.channel.curve is Curve.CAMERA for key in graph(app).chosen)
 

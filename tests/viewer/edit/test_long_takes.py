@@ -1,7 +1,5 @@
 """The real application without a display: the timeline of a take of a minute, zoomed, scrolled and fitted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +10,7 @@ from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.session import Take
 from runtime.takes.pins import Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, frame, place, press, run, seek
+from tests.helpers.app_driver import Start, click, click_on, frame, place, point, press, run, seek, wheel
 from viewer.app import App
 from viewer.edit.timeline_look import Range
 
@@ -45,11 +42,9 @@ def shown(app: App) -> Range:
     return app.transport.timeline.shown
 
 
-def wheel(app: App, steps: float, label: str = "##timeline", share: float = 0.5) -> None:
-    hand.mouse(app.window, *place(app, label, share=share))
-    run(app, 2)
-    hand.wheel(app.window, steps)
-    run(app, 2)
+def wheel_over(app: App, steps: float, label: str = "##timeline", share: float = 0.5) -> None:
+    point(app, *place(app, label, share=share))
+    wheel(app, steps)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -58,7 +53,7 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
     play_a_minute(app)
     assert (shown(app).first, shown(app).last) == (0, FRAMES - 1)
     history = app.editor.history.at
-    wheel(app, 8.0, share=0.5)
+    wheel_over(app, 8.0, share=0.5)
     first, last = shown(app).first, shown(app).last
     assert last - first < 0.2 * FRAMES
     # the frame under the pointer stays
@@ -67,15 +62,12 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
     click(app, x, y - 8.0)
     assert frame(app) == pytest.approx(first + 0.25 * (last - first), abs=3 + (last - first) / 200)
     app.window.inject_key("shift", True)
-    wheel(app, -2.0)
+    wheel_over(app, -2.0)
     app.window.inject_key("shift", False)
     assert shown(app).first == pytest.approx(first + 0.2 * (last - first), abs=2.0)
-    hand.mouse(app.window, x, y, 2, True)
-    run(app, 2)
-    hand.mouse(app.window, x + 60, y)
-    run(app, 2)
-    hand.mouse(app.window, x + 60, y, 2, False)
-    run(app, 2)
+    point(app, x, y, 2, True)
+    point(app, x + 60, y)
+    point(app, x + 60, y, 2, False)
     assert shown(app).first < first + 0.2 * (last - first)  # the ruler went along to the right
     assert app.editor.history.at == history  # what is shown is no edit
     press(app, "end")
@@ -87,7 +79,7 @@ def test_a_minute_is_zoomed_and_scrolled_by_the_mouse(start: Start, size: tuple[
 
 def test_what_is_shown_fits_the_take_the_trim_and_a_pin(app: App) -> None:
     play_a_minute(app)
-    wheel(app, 5.0)
+    wheel_over(app, 5.0)
     click_on(app, "Fit")
     assert app.transport.timeline.whole
     seek(app, 600)
@@ -115,14 +107,11 @@ def test_a_jump_of_a_long_take_can_be_hit(start: Start, size: tuple[int, int]) -
     right = place(app, "##timeline", share=1.0)[0] - 4.0
     at = left + (JUMP + 4) / (FRAMES - 1) * (right - left)
     for aside in (-3.0, 0.0, 3.0):
-        hand.mouse(app.window, at + aside, y)
-        run(app, 2)
-        hand.mouse(app.window, at + aside, y, 0, True)
-        run(app, 2)
+        point(app, at + aside, y)
+        point(app, at + aside, y, 0, True)
         assert row.held is not None
         assert row.held.mark.text == "Jump"
-        hand.mouse(app.window, at + aside, y, 0, False)
-        run(app, 2)
+        point(app, at + aside, y, 0, False)
 
 
 def test_the_frame_shown_stays_in_view_while_it_plays(app: App) -> None:

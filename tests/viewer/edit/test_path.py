@@ -1,13 +1,11 @@
 """The real application without a display: a path is drawn on the ground by mouse, changed, and walked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from runtime.controls import Gait
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, controller, message, press, run, run_until
+from tests.helpers.app_driver import Start, click, click_on, controller, message, point, press, run, run_until
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -24,14 +22,12 @@ def test_a_drag_draws_a_path(app: App) -> None:
     app.scene.camera.current.yaw = 0.0
     run(app, 5)
     click_on(app, "Draw a path")
-    hand.mouse(app.window, *screen(app, -1.0, 2.0))
-    run(app, 2)
+    point(app, *screen(app, -1.0, 2.0))
     hand.mouse(app.window, *screen(app, -1.0, 2.0), 0, True)
     for x in np.linspace(-1.0, 1.2, 23):
         hand.mouse(app.window, *screen(app, float(x), 2.0 + 0.5 * (float(x) + 1.0)))
         run(app)
-    hand.mouse(app.window, *screen(app, 1.2, 3.1), 0, False)
-    run(app, 2)
+    point(app, *screen(app, 1.2, 3.1), 0, False)
     points = np.array([(p.x, p.z) for p in app.path.points])
     assert 3 <= len(points) <= 5
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -56,12 +52,9 @@ def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
     click(app, *screen(app, 0.6, 3.0))  # takes the point that is there
     assert (len(tool.points), tool.selected) == (3, 1)
     x, y = screen(app, 0.6, 3.0)
-    hand.mouse(app.window, x, y, 0, True)
-    run(app, 2)
-    hand.mouse(app.window, *screen(app, 1.0, 3.0))
-    run(app, 2)
-    hand.mouse(app.window, *screen(app, 1.0, 3.0), 0, False)
-    run(app, 2)
+    point(app, x, y, 0, True)
+    point(app, *screen(app, 1.0, 3.0))
+    point(app, *screen(app, 1.0, 3.0), 0, False)
     assert tool.points[1].x == pytest.approx(1.0, abs=0.05)
     click_on(app, "Jog")
     assert tool.points[1].gait is Gait.JOG

@@ -1,7 +1,5 @@
 """The real application without a display: pins of the live character and of takes, their card, track and handles; plants."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +15,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import click, click_on, drag, message, place, press, run, texts
+from tests.helpers.app_driver import click, click_on, drag, message, place, point, press, run, texts
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -69,7 +66,6 @@ def item(app: App) -> Take:
 def add_pin(app: App, what: str) -> None:
     click_on(app, "+ Pin")
     click_on(app, what)
-    run(app, 2)
 
 
 def handle(app: App, index: int = 0) -> tuple[float, float]:
@@ -203,14 +199,11 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     assert item(app).poses.footplants[0].new == (0, pytest.approx(40, abs=1))
     x, y = place(app, "##foot 0", share=50 / 59)
     for down in (None, True, False):
-        hand.mouse(app.window, x, y, None if down is None else 1, bool(down))
-        run(app, 2)
+        point(app, x, y, None if down is None else 1, bool(down))
     click_on(app, "Plant the foot here")
-    run(app, 3)
     added = app.pins.footplants(0)[1]
     assert sum(added) / 2 == pytest.approx(50, abs=2)
     click(app, *place(app, "##foot 0", share=20 / 59))
     press(app, "delete")
-    run(app, 3)
     assert app.pins.footplants(0) == [added]
     assert app.editor.undo_label == "removal of a footplant of Take"

@@ -1,14 +1,12 @@
 """The real application without a display: a joint is picked and dragged in the view, and the take's pose layer is keyed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from runtime.feet.ik import LEG_FEET
 from runtime.takes.pose_layer import Curve, PoseLayer, Tangent
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, place, press, run
+from tests.helpers.app_driver import Start, click, click_on, place, point, press, run
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
 from viewer.edit.handles import on_screen
@@ -28,8 +26,7 @@ def at(app: App, joint: int) -> tuple[float, float]:
 
 def drag(app: App, start: tuple[float, float], by: tuple[float, float]) -> None:
     places = [(start[0] + by[0] * step / 6, start[1] + by[1] * step / 6) for step in range(7)]
-    hand.mouse(app.window, *start)
-    run(app, 2)
+    point(app, *start)
     hand.mouse(app.window, *start, 0, True)
     for where in places:
         run(app, 1)
@@ -97,9 +94,7 @@ def test_a_joint_is_turned_released_copied_and_mirrored(app: App) -> None:
     assert len(layer(app).keys) == 2
     seek(app, 50)
     click_on(app, "##tangent")
-    run(app, 2)
     click_on(app, "Step")
-    run(app, 2)
     assert layer(app).keys[-1].tangent is Tangent.STEP
     click_on(app, "Keep on")
     assert layer(app).keeps
@@ -121,7 +116,6 @@ def test_keys_are_dragged_and_removed_on_their_track(app: App) -> None:
     seek(app, 30)
     click_on(app, "Pose")
     click(app, *at(app, HIPS))
-    run(app, 2)
     click_on(app, "Key")
     run(app, 4)
     left, y = place(app, "##pose keys", share=0.0)
@@ -132,8 +126,7 @@ def test_keys_are_dragged_and_removed_on_their_track(app: App) -> None:
     assert 47 <= key.seconds * 60 <= 53
     x = left + 4 + key.seconds * 60 * per_frame
     for button, down in ((None, False), (1, True), (1, False)):
-        hand.mouse(app.window, x, y, button, down)
-        run(app, 2)
+        point(app, x, y, button, down)
     click_on(app, "Delete")
     assert not layer(app)
 
@@ -149,8 +142,7 @@ def test_the_head_turns_as_far_as_the_mouse_goes_along_a_ring_seen_from_its_edge
     run(app, 8)
     x, y = at(app, HEAD)
     for below in range(-20, 21, 4):
-        hand.mouse(app.window, x - 40, y + below)
-        run(app, 2)
+        point(app, x - 40, y + below)
         if app.posing.rings.over == 1:
             drag(app, (x - 40, y + below), (60.0, 0.0))
             break

@@ -1,7 +1,5 @@
 """The real application without a display: what stands beside a take as its own skeleton, its own character, or a film."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +15,7 @@ from runtime.session.session import Reference
 from runtime.takes.clip import Clip
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
 from runtime.takes.pins import Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, drawn, message, place, press, run
+from tests.helpers.app_driver import Start, click_on, drawn, message, place, press, run, type_in
 from tests.helpers.walker import walk
 from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
@@ -47,10 +44,8 @@ def with_take(app: App) -> App:
 def choose_file(app: App, entry: str, path: Path) -> None:
     """An entry of the menu that is open, and a path typed into its dialog."""
     click_on(app, entry)
-    run(app, 3)
     press(app, "ctrl", "a")
-    hand.text(app.window, str(path))
-    run(app, 3)
+    type_in(app, str(path))
     press(app, "enter")
     run(app, 5)
 
@@ -233,7 +228,6 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
     run(app, 2)
     assert brightness(app) == pytest.approx(8 * 10, abs=5)
     click_on(app, "Over it")
-    run(app, 2)
     low, high = (place(app, "##reference opacity", share=share) for share in (0.0, 0.9))
     assert low[0] < high[0]
     assert app.window.read_pixels()[300, 640].astype(int).sum() != 0

@@ -1,7 +1,5 @@
 """The real application without a display: the way of a take edited and resimulated, a reference beside a take, keys of its camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +13,7 @@ from runtime.session.session_file import SessionFile
 from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-from tests.helpers import hand
-from tests.helpers.app_driver import click_on, place, press, run
+from tests.helpers.app_driver import click_on, place, point, press, run
 from viewer.app import App
 from viewer.exports.exporting import ExportForm
 from viewer.filming.shots import FilmOptions, camera_path
@@ -56,7 +53,6 @@ def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
     ]
     tool.change(x=1.0, z=1.0, speed=0.5)
     click_on(app, "##drive path")
-    run(app, 3)
     made = shown(app)
     end = made.hips_positions[-1]
     assert np.hypot(end[0] - 1.0, end[2] - 1.0) < 0.65  # it stops within reach of its end
@@ -91,8 +87,7 @@ def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> Non
     assert len(app.overlays(None, []).ghosts) == 1
     x, y = place(app, "##reference offset")
     for at, down in ((x, None), (x, True), (x + 40.0, True), (x + 40.0, False)):
-        hand.mouse(app.window, at, y, None if down is None else 0, bool(down))
-        run(app, 2)
+        point(app, at, y, None if down is None else 0, bool(down))
     assert references.reference.offset_s > 0.1
     ahead = references.pose(playback)
     assert ahead is not None
@@ -112,12 +107,10 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
         camera.current.yaw = yaw
         click_on(app, "+ Pin")
         click_on(app, "Camera key")
-        run(app, 2)
     assert [round(key.seconds * 60) for key in keys(app)] == [10, 50]
     (x, y), (to, _) = (place(app, "##camera keys", share=share) for share in (50 / 69, 60 / 69))
     for at, down in ((x, None), (x, True), (to, True), (to, False)):
-        hand.mouse(app.window, at, y, None if down is None else 0, bool(down))
-        run(app, 2)
+        point(app, at, y, None if down is None else 0, bool(down))
     assert round(keys(app)[1].seconds * 60) == pytest.approx(60, abs=1)
     playback.seek(34)
     playback.playing = True
@@ -129,14 +122,12 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     assert 0.0 < camera.current.yaw < 0.2, "also when it is sought"
     x, y = 400, 60  # of the view, which the user turns
     for at, down in ((x, None), (x, True), (x + 60, True), (x + 60, False)):
-        hand.mouse(app.window, at, y, None if down is None else 1, bool(down))
-        run(app, 2)
+        point(app, at, y, None if down is None else 1, bool(down))
     turned = camera.current.yaw
     playback.seek(34)
     run(app, 2)
     assert camera.current.yaw == turned
     click_on(app, "Keyed")
-    run(app, 2)
     assert 0.3 < camera.current.yaw < 0.7
     film = app.exporting._film_options(ExportForm(camera="keyed"), app.editor.session.takes[0], 0.5)
     assert [key.seconds for key in film.keys] == [0.0, pytest.approx(keys(app)[1].seconds - 0.5)]
@@ -149,9 +140,7 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     file, history = SessionFile.open(tmp_path / "a.sport", tmp_path)
     file.close()
     assert history.present.session.takes[0].cameras == keys(app)
-    hand.mouse(app.window, *place(app, "##camera keys", share=10 / 69), 1, True)
-    run(app, 2)
-    hand.mouse(app.window, *place(app, "##camera keys", share=10 / 69), 1, False)
-    run(app, 2)
+    point(app, *place(app, "##camera keys", share=10 / 69), 1, True)
+    point(app, *place(app, "##camera keys", share=10 / 69), 1, False)
     click_on(app, "Delete")
     assert len(keys(app)) == 1

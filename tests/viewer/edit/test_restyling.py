@@ -1,7 +1,5 @@
 """The real application without a display: a motion without prompts is restyled, and lies beside what comes of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from tests.helpers.app_driver import click_on, message, press, run, run_until
@@ -41,5 +39,4 @@ def test_a_motion_is_restyled_and_stays_beside_the_new_take(app: App) -> None:
     assert new.made.inputs is not None
     assert not app.editing.fixed
     press(app, "ctrl", "z")
-    run(app, 3)
     assert len(app.editor.session.takes) == 1

@@ -1,7 +1,5 @@
 """The real application by mouse and keys: what lies on a track or in the list is selected and edited, each kind the same way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -9,8 +7,7 @@ import pytest
 from runtime.controls import Gait
 from runtime.session.session import Session
 from runtime.takes.pins import Pin, Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import click, click_on, drag, place, press, record, run, seek, titles
+from tests.helpers.app_driver import click, click_on, drag, place, point, press, record, run, seek, titles
 from tests.helpers.full_session import text_of
 from viewer.app import App
 from viewer.edit.selection import Selection
@@ -128,8 +125,7 @@ def do(app: App, by: str, act: str) -> None:
         item = chosen(app).items[0]
         x, y = at(app, item.kind, middle(item))
         for down in (None, True, False):
-            hand.mouse(app.window, x, y, None if down is None else 1, bool(down))
-            run(app, 2)
+            point(app, x, y, None if down is None else 1, bool(down))
         click_on(app, act.capitalize(), index=-1)
     run(app, 3)
 
@@ -139,7 +135,6 @@ def undone(app: App, before: str, steps: int = 1) -> None:
     assert session(app) != before
     for _ in range(steps):
         press(app, "ctrl", "z")
-        run(app, 3)
     assert session(app) == before
 
 
@@ -191,7 +186,6 @@ def test_what_lies_on_a_track_is_edited(app: App, kind: str, act: str, by: str) 
         undone(app, before)
     elif by == "keys":
         press(app, "right")
-        run(app, 3)
         assert spans(app, kind)[1][0] == known[1][0] + 1
         undone(app, before)
     else:
@@ -218,7 +212,6 @@ def test_several_kinds_are_boxed_moved_and_pasted_in_one_step_each(app: App) -> 
     app.window.inject_key("shift", False)
     run(app, 2)
     press(app, "right")
-    run(app, 3)
     assert spans(app, "camera keys") == [(21, 21), (71, 71)]
     assert spans(app, "gaits")[1] == (41, 81)
     undone(app, before)
@@ -231,21 +224,16 @@ def test_a_drag_snaps_to_what_is_near_unless_alt_is_held(app: App) -> None:
         to, _ = at(app, "camera keys", 41)
         if alt:
             app.window.inject_key("alt", True)
-        hand.mouse(app.window, x, y)
-        run(app, 2)
-        hand.mouse(app.window, x, y, 0, True)
-        run(app, 2)
-        hand.mouse(app.window, to, y)
-        run(app, 2)
+        point(app, x, y)
+        point(app, x, y, 0, True)
+        point(app, to, y)
         held = app.transport.timeline.held
         assert held is not None
         assert (held.snapped is None) is alt
-        hand.mouse(app.window, to, y, 0, False)
-        run(app, 3)
+        point(app, to, y, 0, False)
         app.window.inject_key("alt", False)
         assert items(app, "camera keys")[0].start == wanted
         press(app, "ctrl", "z")
-        run(app, 2)
 
 
 def test_takes_of_the_list_are_selected_deleted_copied_and_moved(app: App) -> None:
@@ -265,7 +253,6 @@ def test_takes_of_the_list_are_selected_deleted_copied_and_moved(app: App) -> No
     row(2, "ctrl")
     assert [i.lane for i in chosen(app).items] == [1, 3]
     press(app, "delete")
-    run(app, 2)
     assert titles(app) == [names[1]]
     undone(app, before)
     row(0)
@@ -278,7 +265,6 @@ def test_takes_of_the_list_are_selected_deleted_copied_and_moved(app: App) -> No
     row(1)
     press(app, "ctrl", "c")
     press(app, "ctrl", "v")
-    run(app, 2)
     assert titles(app) == [*names, f"{names[1]}, copy"]
     undone(app, before)
     row(1)
@@ -291,7 +277,6 @@ def test_space_plays_the_take_that_was_clicked_until_one_walks(app: App) -> None
     app.takes.close_playback()
     click(app, *place(app, "row", 0, share=0.5))
     press(app, "space")
-    run(app, 2)
     assert app.takes.played is app.editor.session.takes[0]
     app.window.inject_key("w", True)
     run(app, 2)
@@ -305,6 +290,5 @@ def test_space_plays_the_take_that_was_clicked_until_one_walks(app: App) -> None
 def test_the_last_prompt_of_a_take_stays(app: App) -> None:
     pick(app, "prompts", 0, 1, 2)
     press(app, "delete")
-    run(app, 3)
     assert len(items(app, "prompts")) == 3
     assert "keeps one prompt" in app.messages.recent[-1].text

@@ -1,7 +1,5 @@
 """The real application without a display: the timeline of a take, its edits, and going on from a frame of it."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 
@@ -13,7 +11,6 @@ from runtime.pose import Pose
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click_on,
@@ -22,11 +19,13 @@ from tests.helpers.app_driver import (
     frame,
     message,
     place,
+    point,
     press,
     prompt,
     run,
     run_until,
     seek,
+    type_in,
     type_prompt,
 )
 from tests.helpers.viewer_fakes import FakeController
@@ -63,15 +62,11 @@ def drag(app: App, label: str, first: float, last: float, down: float = 0.5) -> 
     right, _ = place(app, label, share=last)
     top = place(app, label)[1]
     y = top + (down - 0.5) * 26.0
-    hand.mouse(app.window, left, y)
-    run(app, 2)
-    hand.mouse(app.window, left, y, 0, True)
-    run(app, 2)
+    point(app, left, y)
+    point(app, left, y, 0, True)
     for share in (0.5, 1.0):
-        hand.mouse(app.window, left + (right - left) * share, y)
-        run(app, 2)
-    hand.mouse(app.window, right, y, 0, False)
-    run(app, 3)
+        point(app, left + (right - left) * share, y)
+    point(app, right, y, 0, False)
 
 
 def same(a: Clip, b: Clip, first: int = 0, last: int | None = None) -> bool:
@@ -112,7 +107,6 @@ def test_the_words_shown_are_those_of_the_take_that_plays(app: App) -> None:
     assert app.editing.prompt == "an old king"
     assert app.editing.parts["torso"] == "torso of an old king"
     press(app, "escape")
-    run(app, 2)
     assert prompt(app) == "proud peacock"  # live again
 
 
@@ -132,16 +126,12 @@ def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(app: App) -> No
     before = record(app)
     seek(app, 20)
     click_on(app, "+ Prompt")
-    run(app, 2)
-    hand.text(app.window, "a zombie")
-    run(app, 2)
+    type_in(app, "a zombie")
     press(app, "enter")
-    run(app, 3)
     assert prompts(app) == [("a proud king", 0), ("a zombie", 20), ("an old king", 40)]
     assert "a zombie" in message(app)
     assert app.editing.prompt == "a zombie"
     press(app, "ctrl", "z")
-    run(app, 2)
     assert take(app) == before
     press(app, "ctrl", "y")
     assert len(take(app).clip.prompts) == 3
@@ -154,13 +144,10 @@ def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(app: App) -> None
     assert 17 <= prompts(app)[1][1] <= 22
     seek(app, 60)
     press(app, "enter")
-    run(app, 3)
     assert imgui.get_io().want_text_input
     press(app, "ctrl", "a")
-    hand.text(app.window, "a goose")
-    run(app, 2)
+    type_in(app, "a goose")
     press(app, "enter")
-    run(app, 3)
     assert [p for p, _ in prompts(app)] == ["a proud king", "a goose"]
     app.editing.reword_part(1, "head", "looking up")
     run(app, 2)
@@ -175,9 +162,7 @@ def test_a_gait_is_inserted_and_the_stick_goes_on(app: App) -> None:
     before = record(app)
     seek(app, 30)
     click_on(app, "+ Gait")
-    run(app, 2)
     click_on(app, "Jog")
-    run(app, 3)
     assert same(take(app).clip, before.clip, 0, 30)
     assert take(app).clip.gaits is not None
     assert set(take(app).clip.gaits[30:]) == {Gait.JOG}
@@ -197,7 +182,6 @@ def test_driving_goes_on_from_a_frame_of_a_take(app: App) -> None:
     app.takes.play(1)  # which the choice of the ground has ended
     seek(app, 25)
     click_on(app, "##go on")
-    run(app, 1)
     assert app.takes.playback is None
     assert prompt(app) == "a proud king"
     assert app.scene.terrain.name == "flat"  # the take's ground
@@ -380,7 +364,6 @@ def test_p_while_recording_ends_the_take_and_plays_it(app: App) -> None:
     app.takes.toggle_recording()
     run(app, 10)
     press(app, "p")
-    run(app, 2)
     assert not app.takes.recording
     assert app.takes.playback is not None
     assert app.takes.playback.number == 2

@@ -1,7 +1,5 @@
 """The export window of the real application, driven without a display: the files are there and hold the take."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +38,6 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     app.exporting.choose(**form)
     run(app, 2)
     click_on(app, "##export now")
-    run(app, 2)
     report = app.exporting
     assert report.report_good, report.report
     return folder / f"take-1{suffix}"
@@ -57,7 +54,6 @@ def test_a_range_is_the_trim_or_what_the_timeline_shows(start: Start, tmp_path: 
         app.exporting.choose(part=part)
         app.exporting.path = str(tmp_path / f"{part or 'all'}.npz")
         click_on(app, "##export now")
-        run(app, 2)
         assert len(np.load(tmp_path / f"{part or 'all'}.npz")["root_positions"]) == frames
 
 

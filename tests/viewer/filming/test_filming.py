@@ -1,7 +1,5 @@
 """Films: as many frames as the take is long, whole or not at all, seen from where it was asked."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -1,7 +1,5 @@
 """A defect costs an action, not the program: faults in every panel, tool and step."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace

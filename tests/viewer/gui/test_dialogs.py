@@ -1,7 +1,5 @@
 """The file dialog of the program's own, cards that can be moved, and windows that fit the screen."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -54,7 +52,6 @@ def test_a_file_is_found_by_clicks_alone(start: Start, folder: Path) -> None:
     click_on(app, next(label for label, _ in drawn(app) if "clips" in label).partition("##")[0])
     click_on(app, next(label for label, _ in drawn(app) if "a.bvh" in label).partition("##")[0])
     click_on(app, "##dialog ok")
-    run(app, 2)
     assert found == [folder / "clips" / "a.bvh"]
 
 
@@ -108,6 +105,5 @@ def test_a_remembered_window_fits_the_screen(
 
 def test_the_help_has_the_keys_of_the_session(app: App) -> None:
     press(app, "f1")
-    run(app, 2)
     said = " ".join(texts(app))
     assert all(key in said for key in ("Ctrl+S", "Ctrl+O", "Ctrl+E"))

@@ -1,7 +1,5 @@
 """The real application without a display: who has the keys, the view or a panel, and panels that keep still."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -86,10 +84,8 @@ def test_a_field_that_was_clicked_has_the_keys_within_the_frame(app: App, label:
     if label == "##path":
         ground = place(app, "##terrain")
         click(app, ground[0] - 40.0, ground[1] + 28.0)
-        run(app, 2)
     elif label == "##search":
         click_on(app, "Ready prompts")
-        run(app, 2)
     x, y = place(app, label)
     hand.mouse(app.window, x, y)
     run(app)
@@ -154,11 +150,9 @@ def test_every_panel_is_reached_and_used_by_keys(app: App) -> None:
     press(app, "f6")  # Scene: its list of grounds comes first
     run(app, 2)
     press(app, "space")
-    run(app, 2)
     assert len(imgui.get_current_context().open_popup_stack) == 1
     press(app, "down")
     press(app, "space")
-    run(app, 3)
     assert app.scene.terrain.name != "flat"
     assert controller(app).z == 0.0  # no key reached the character
 
@@ -174,7 +168,6 @@ def test_tab_goes_through_a_panel_and_its_fields(app: App) -> None:
     reached = set()
     for _ in range(24):  # past the field of the speed
         press(app, "tab")
-        run(app, 3)
         context = imgui.get_current_context()
         assert context.nav_window is not None
         assert context.nav_window.root_window.name == "Transport"
@@ -218,14 +211,12 @@ def test_no_key_reaches_what_lies_behind_a_modal_window(app: App, what: str) -> 
         ("v",),
     ):
         press(app, *keys)
-        run(app, 2)
         if keys == ("space",):  # presses a button of the window itself
             show()
         assert app.shell.focus.holder in app.shell.focus.windows
     assert before == (app.editor.session, app.settings.show_trajectory, app.scene.camera.mode)
     assert app.shell.modal
     click(app, *place(app, "##terrain"))
-    run(app, 2)
     assert not len(imgui.get_current_context().open_popup_stack), "the list behind it does not open"
 
 
@@ -235,5 +226,4 @@ def test_f6_stays_among_the_windows_over_everything(app: App) -> None:
     run(app, 3)
     for _ in range(4):
         press(app, "f6")
-        run(app, 2)
         assert app.shell.focus.holder == "Settings##overlay"

@@ -1,14 +1,12 @@
 """One rule for keys: what was clicked last has them, what closes gives them back, Esc closes the innermost thing only."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.helpers import hand
-from tests.helpers.app_driver import click, click_on, controller, message, place, press, run
+from tests.helpers.app_driver import click, click_on, controller, message, place, point, press, run
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.focus import Use, window_at
@@ -53,7 +51,6 @@ def escape(app: App) -> None:
     """Press Esc: it closes exactly one thing."""
     before = things(app)
     press(app, "escape")
-    run(app, 3)
     after = things(app)
     assert len(after) == max(len(before) - 1, 0), (before, after)
     assert after or app.shell.focus.in_view
@@ -85,8 +82,7 @@ def double_click(app: App, label: str) -> None:
 def ctrl_click(app: App, label: str) -> None:
     """As the window does it; its backend would look for Ctrl on a real keyboard."""
     x, y = place(app, label)
-    hand.mouse(app.window, x, y)
-    run(app, 2)
+    point(app, x, y)
     app.shell.focus.press(x, y)
     for down in (True, False):
         imgui.get_io().add_key_event(imgui.Key.mod_ctrl, True)
@@ -243,7 +239,6 @@ def test_a_click_on_the_view_leaves_a_list_or_field_and_has_the_keys(steps: str,
     spot = view_spot()
     assert spot is not None
     click(app, *spot)
-    run(app, 2)
     assert things(app) in ([], ["Settings##overlay"])
     assert app.shell.focus.in_view
     assert walks(app)

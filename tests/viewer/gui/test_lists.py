@@ -1,12 +1,10 @@
 """The real application without a display: open lists and Escape, typing on a slow machine, tooltips that stay out of the way."""
 
-from __future__ import annotations
-
 import pytest
 
 from runtime.session.prompt_blend import Side
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, run
+from tests.helpers.app_driver import Start, click, click_on, drawn, place, point, press, run
 from viewer.app import App
 from viewer.gl_bindings import imgui
 
@@ -20,7 +18,6 @@ def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(app: App) -
     assert open_lists() == 1
     x, y = place(app, "Wall")
     press(app, "escape")
-    run(app, 2)
     assert open_lists() == 0
     assert not [label for label, _ in drawn(app) if label == "Wall"]
     click(app, x, y)
@@ -113,8 +110,6 @@ def test_a_click_on_a_tab_counts_where_move_and_click_fall_into_one_frame(start:
     run(app, 3)
     takes, prompts = place(app, "Takes"), place(app, "Prompt")
     for tab, label in ((takes, "Takes"), (prompts, "Prompt")):
-        hand.mouse(app.window, *tab, 0, True)
-        run(app, 2)
-        hand.mouse(app.window, *tab, 0, False)
-        run(app, 2)
+        point(app, *tab, 0, True)
+        point(app, *tab, 0, False)
         assert ("##prompt A" in {full for full, _ in drawn(app)}) == (label == "Prompt")

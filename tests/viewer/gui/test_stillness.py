@@ -1,7 +1,5 @@
 """What is under the mouse stays there when tracks, panels, formats and answers appear."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

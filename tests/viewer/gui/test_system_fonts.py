@@ -1,7 +1,5 @@
 """Scripts that the shipped font lacks: fonts of the system by platform, merged when a text needs them."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Keys, pads and scripts become the commands that drive the character."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from types import SimpleNamespace

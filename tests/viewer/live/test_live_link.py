@@ -1,7 +1,5 @@
 """The live link: messages, the sender in the real application, and the add-on's receiver over real UDP."""
 
-from __future__ import annotations
-
 import itertools
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The VMC protocol over real UDP, decoded by python-osc's own parser and by Unity's axes written out again."""
 
-from __future__ import annotations
-
 import socket
 import time
 

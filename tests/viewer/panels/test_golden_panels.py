@@ -1,7 +1,5 @@
 """Reference images of the panels at three sizes, with a fake model behind them."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.helpers.app_driver import Start, run

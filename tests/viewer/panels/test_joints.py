@@ -1,7 +1,5 @@
 """The real application without a display: joints of a character named by hand, and files that open."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -59,7 +57,6 @@ def test_joints_chosen_from_the_lists_are_kept_and_used_again(start: Start, tmp_
         app.scene.joints.choose(joint, name)
     run(app, 2)
     click_on(app, "##apply joints")
-    run(app, 2)
     assert not app.scene.joints.open
     assert app.scene.character_path == path
     kept = json.loads(joint_map_path(path).read_text(encoding="utf-8"))

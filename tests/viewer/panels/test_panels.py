@@ -1,7 +1,5 @@
 """The real application without a display: names of takes, removing and undo, exports, settings, the first minute."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -9,8 +7,19 @@ import pytest
 
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import load_clip_bvh
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, place, press, record, run, texts, titles
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    drawn,
+    place,
+    press,
+    record,
+    run,
+    texts,
+    titles,
+    type_in,
+)
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.layout import STATUS_HEIGHT
@@ -36,10 +45,8 @@ def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(app: App, tmp_
     click(app, x, y)
     click(app, x, y)  # twice within the time of a double click
     run(app, 3)
-    hand.text(app.window, "A proud walk")
-    run(app, 2)
+    type_in(app, "A proud walk")
     press(app, "enter")
-    run(app, 2)
     assert titles(app) == ["A proud walk"]
     app.bvh_export.export()
     run(app, 2)
@@ -50,7 +57,6 @@ def test_a_removed_take_comes_back_by_key_and_by_the_menu(app: App) -> None:
     for _ in range(3):
         record(app)
     click_on(app, ICON.trash, index=1)
-    run(app, 2)
     assert titles(app) == ["Take 1", "Take 3"]
     assert "Ctrl+Z brings it back" in said(app)
     press(app, "ctrl", "z")
@@ -87,7 +93,6 @@ def test_every_take_is_exported_at_once_and_no_file_is_replaced(app: App, tmp_pa
     record(app)
     run(app, 2)
     click_on(app, "##export all")
-    run(app, 2)
     assert sorted(path.name for path in tmp_path.glob("*.bvh")) == [
         "take-1-2.bvh",
         "take-1.bvh",
@@ -103,7 +108,6 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
     app.settings.export_folder = str(tmp_path)
     record(app, 40)
     press(app, "ctrl", "e")
-    run(app, 3)
     click_on(app, "##export now")
     run(app, 5)
     exports = app.exporting
@@ -122,7 +126,6 @@ def test_the_export_window_writes_what_the_command_writes(app: App, tmp_path: Pa
     exports.choose(fps=30.0, rest_frame=True, ground=".obj")
     run(app, 3)
     click_on(app, "##export now")
-    run(app, 2)
     assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
     assert (tmp_path / "take-1-ground.obj").is_file()
     assert "21 frames at 30 fps" in app.exporting.report
@@ -131,29 +134,23 @@ def test_the_export_window_writes_what_the_command_writes(app: App, tmp_path: Pa
     assert app.bvh_export.saved(take) is None  # half the frames
     exports.choose(in_place=True)
     click_on(app, "##export now")
-    run(app, 2)
     assert "In place with a ground next to it" in app.exporting.report
     press(app, "escape")
-    run(app, 2)
     assert "##export now" not in labels(app)
 
 
 def test_settings_are_chosen_in_a_window(app: App, tmp_path: Path) -> None:
     click_on(app, "##settings")
-    run(app, 2)
     settings = app.settings
     click_on(app, "Invert look")
     assert settings.invert_look
     click_on(app, "##ui scale")
     click_on(app, "150 %")
-    run(app, 2)
     assert settings.ui_scale == app.window.ui_scale == 1.5
     click_on(app, "##text size")
     click_on(app, "Large")
-    run(app, 2)
     assert imgui.get_style().font_scale_main == pytest.approx(1.15)
     click_on(app, "Back to the defaults")
-    run(app, 2)
     assert (settings.ui_scale, settings.text_size, settings.invert_look) == (0.0, 1.0, False)
     press(app, "escape")
     assert not app.settings_window.shown
@@ -257,7 +254,6 @@ def test_behind_the_line_is_a_list_with_what_can_be_done(app: App) -> None:
     app.messages.note("Saved walk.bvh", Path("walk.bvh"))
     run(app, 2)
     click(app, 100.0, app.window.size[1] - 15.0)
-    run(app, 2)
     said = texts(app)
     assert "Save it again as PNG." in said
     assert "dunes.png: damaged." in said
@@ -267,7 +263,6 @@ def test_behind_the_line_is_a_list_with_what_can_be_done(app: App) -> None:
     assert "dunes.png: damaged. It is over." in texts(app)
     assert "Save it again as PNG." not in texts(app)
     press(app, "escape")
-    run(app, 2)
     assert "dunes.png: damaged. It is over." not in texts(app)
     assert app.messages.recent[0].level is Level.ERROR
 
@@ -281,7 +276,6 @@ def test_takes_are_rated_noted_searched_sorted_and_exported_as_found(start: Star
     record(app, 4)
     run(app, 3)
     click_on(app, "Files, body, links")
-    run(app, 3)
     window = next(w for w in imgui.get_current_context().windows if "take list" in w.name)
     rows = [box for label, box in drawn(app) if label == "row"]
     whole = [b for b in rows if b[1] >= window.pos.y and b[3] <= window.pos.y + window.size.y + 1]
@@ -293,10 +287,8 @@ def test_takes_are_rated_noted_searched_sorted_and_exported_as_found(start: Star
     assert app.editor.undo_label == "rating of a take"
     click_on(app, "##take menu", index=5)
     click_on(app, "Note")
-    hand.text(app.window, "for the queen")
-    run(app, 2)
+    type_in(app, "for the queen")
     press(app, "enter")
-    run(app, 3)
     assert app.editor.session.takes[5].note == "for the queen"
     click_on(app, "##order of takes")
     click_on(app, "By rating")
@@ -304,13 +296,11 @@ def test_takes_are_rated_noted_searched_sorted_and_exported_as_found(start: Star
     for text, found in (("***", ["Take 7"]), ("*****", []), ("QUEEN", ["Take 6"])):
         click_on(app, "##search takes")
         press(app, "ctrl", "a")
-        hand.text(app.window, text)
-        run(app, 3)
+        type_in(app, text)
         assert [take.title for take in app.takes.found] == found
         assert len([label for label, _ in drawn(app) if label == "row"]) == len(found)
     press(app, "enter")
     click_on(app, "##export all")
-    run(app, 2)
     assert [path.name for path in tmp_path.glob("*.bvh")] == ["take-6.bvh"]
 
 

@@ -1,22 +1,21 @@
 """The real application without a display: two prompts blended by body part."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from runtime.prompts.blend import read_words, write_words
 from runtime.session.prompt_blend import Side
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click_on,
     controller,
     drawn,
     place,
+    point,
     press,
     run,
     style,
     texts,
+    type_in,
     words,
 )
 from tests.helpers.viewer_fakes import FakeEncoder, FakeLibrary
@@ -64,7 +63,6 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     press(app, "ctrl", "z")
     assert app.editor.session.live.prompt.weights == (0.5,) * 6
     press(app, "ctrl", "z")
-    run(app)
     assert (app.editor.session.live.prompt.b, app.prompting.boxes[Side.B].text) == (None, "")
     press(app, "ctrl", "y")
     assert app.prompting.boxes[Side.B].text == "a duck"
@@ -79,22 +77,17 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     run(app, 3)
     click_on(app, "Blend")
     click_on(app, "##prompt B")
-    hand.text(app.window, "a duck")
-    run(app, 3)
+    type_in(app, "a duck")
     press(app, "enter")
-    run(app, 2)
     assert app.editor.session.live.prompt.b is not None
     assert app.editor.session.live.prompt.b.prompt == "a duck"
     assert app.editor.undo_label == "prompt B “a duck”"
     left, y = place(app, "##all")
-    hand.mouse(app.window, left, y, 0, True)
-    run(app, 2)
+    point(app, left, y, 0, True)
     for share in (0.6, 0.7, 0.9):
         right = place(app, "##all", share=share)[0]
-        hand.mouse(app.window, right, y)
-        run(app, 2)
-    hand.mouse(app.window, right, y, 0, False)
-    run(app, 2)
+        point(app, right, y)
+    point(app, right, y, 0, False)
     assert app.editor.session.live.prompt.master_weight > 0.8
     assert app.editor.undo_label == "blend of all parts"
     press(app, "ctrl", "z")  # the drag is one step

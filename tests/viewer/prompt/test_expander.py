@@ -1,7 +1,5 @@
 """The real application without a display and a language model on loopback: slow, failing, and with a key to be kept."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Callable
@@ -11,8 +9,7 @@ from typing import Any
 import pytest
 
 from runtime.session.prompt_blend import Side
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, message, press, run, run_until
+from tests.helpers.app_driver import Start, click_on, message, press, run, run_until, type_in
 from tests.helpers.slow_model import ANSWER, Model, load_model, source
 from viewer.app import App
 from viewer.jobs import Jobs, Slot
@@ -85,15 +82,12 @@ def test_a_failing_language_model_leaves_the_librarys_words(
 
 def open_panel(app: App) -> None:
     click_on(app, "##who")
-    run(app, 2)
 
 
 def type_key(app: App, key: str) -> None:
     click_on(app, "##key")
-    hand.text(app.window, key)
-    run(app, 3)
+    type_in(app, key)
     press(app, "enter")
-    run(app, 2)
 
 
 def test_the_key_is_typed_used_and_written_nowhere(

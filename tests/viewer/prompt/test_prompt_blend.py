@@ -1,7 +1,5 @@
 """What the viewer knows of prompts without a window: suggestions, blends as plain data, and the end of the history."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

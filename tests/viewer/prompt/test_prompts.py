@@ -1,7 +1,5 @@
 """The real application without a display: prompts typed, answered, edited, locked and undone."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
@@ -20,6 +18,7 @@ from tests.helpers.app_driver import (
     prompt,
     run,
     run_until,
+    type_in,
     type_prompt,
     typing,
     words,
@@ -34,12 +33,10 @@ def test_typing_fills_the_prompt_and_never_drives(app: App) -> None:
     app.window.inject_key("w", True)
     hand.text(app.window, "w")
     app.window.inject_key("w", False)
-    hand.text(app.window, "addling duck ")
-    run(app, 3)
+    type_in(app, "addling duck ")
     assert controller(app).z == 0.0
     assert "waddling duck" in app.prompting.boxes[Side.A].text
     press(app, "enter")
-    run(app, 2)
     assert "waddling duck" in prompt(app)
     assert "waddling duck" in app.prompting.parts["head"]
     assert app.editor.session.live.prompt.a.source == "library"
@@ -122,8 +119,7 @@ def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(app: App
 
 def test_a_field_is_applied_when_it_is_left(app: App) -> None:
     click_on(app, "##words", len(PART_NAMES) - 1)
-    hand.text(app.window, " slowly")
-    run(app, 3)
+    type_in(app, " slowly")
     assert words(app)["head"] != app.prompting.parts["head"]
     click(app, app.window.size[0] / 2, app.window.size[1] / 2)  # the scene
     run(app)
@@ -143,7 +139,6 @@ def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
     assert typing(app)
     press(app, "escape")
     press(app, "escape")
-    run(app)
     click_prompt_box(app)
     press(app, "ctrl", "z")  # nothing was typed
     run(app)

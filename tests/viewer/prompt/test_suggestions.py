@@ -1,11 +1,8 @@
 """The real application without a display: suggestions while a prompt is typed, and the history of prompts."""
 
-from __future__ import annotations
-
 import threading
 
 from runtime.session.prompt_blend import Side
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click_on,
@@ -14,6 +11,7 @@ from tests.helpers.app_driver import (
     prompt,
     run,
     run_until,
+    type_in,
     type_prompt,
     typing,
 )
@@ -38,8 +36,7 @@ def test_suggestions_show_while_typing_and_are_taken_by_keys(app: App) -> None:
     press(app, "tab")
     assert (box.text, box.suggesting, typing(app)) == ("proud peacock", False, True)
     assert len(controller(app).styles) == styles  # taken into the field, not yet asked
-    hand.text(app.window, ", head down")
-    run(app, 2)
+    type_in(app, ", head down")
     assert box.text == "proud peacock, head down"
     press(app, "enter")
     assert prompt(app) == "proud peacock, head down"
@@ -50,7 +47,6 @@ def test_enter_on_a_suggestion_asks_for_it(app: App) -> None:
     press(app, "down")
     press(app, "down")
     press(app, "enter")
-    run(app)
     assert prompt(app) == "an old king"
     assert app.prompting.boxes[Side.A].text == "an old king"
     assert not typing(app)
@@ -64,7 +60,6 @@ def test_escape_closes_the_list_and_then_leaves_the_field(start: Start) -> None:
     assert (app.prompting.boxes[Side.A].suggesting, app.prompting.boxes[Side.A].text) == (False, "limp")
     assert typing(app)
     press(app, "escape")
-    run(app)
     assert not typing(app)
     assert app.prompting.boxes[Side.A].text == "a proud king"  # as before it was entered
 

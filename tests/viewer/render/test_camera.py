@@ -1,7 +1,5 @@
 """Cameras: geometry of view and ray, mouse and stick, springs, staying above ground."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

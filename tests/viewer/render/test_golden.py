@@ -1,7 +1,5 @@
 """Reference images: each ground with the mannequin, and a white character of one's own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Looks of the character: parts have colours of their own, and the rest of the mesh stays."""
 
-from __future__ import annotations
-
 import pytest
 
 from runtime.assets import asset_path, character_file
@@ -28,7 +26,6 @@ def test_a_character_is_chosen_in_the_window_and_taken_back(start: Start) -> Non
     click_on(app, "Files, body, links")
     assert (app.scene.character_name, app.scene.character_path) == ("walker", character_file("walker"))
     click_on(app, "##mannequin")
-    run(app, 3)
     assert app.scene.character_name == "mannequin"
     app.editor.undo()
     run(app, 3)
@@ -53,7 +50,5 @@ def test_a_look_is_chosen_and_kept(start: Start, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("viewer.scene.scene.dressed", lambda character, look: shown.append(look) or character)
     app = start()
     click_on(app, "Files, body, links")
-    run(app, 3)
     click_on(app, "##parts")
-    run(app, 3)
     assert app.settings.look == shown[-1] == "parts"

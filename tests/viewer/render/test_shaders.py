@@ -1,7 +1,5 @@
 """Shaders: files that are missing or wrong are named."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Terrain triangles: without cracks at any levels of detail, within the error asked for, around the focus."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The real application without a display: cameras that keep the character in view."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,7 +8,7 @@ import pytest
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, make_terrain
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, controller, press, run
+from tests.helpers.app_driver import Start, click_on, controller, point, press, run
 from viewer.app import App
 from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
 
@@ -54,14 +52,12 @@ def test_a_drag_ends_the_first_view_and_forward_is_where_the_camera_looks(app: A
 
 def test_a_click_far_from_where_the_mouse_was_does_not_turn_the_view(start: Start) -> None:
     app = start(panels=False)
-    hand.mouse(app.window, 100, 100)
-    run(app, 2)
+    point(app, 100, 100)
     before = app.scene.camera.current.yaw, app.scene.camera.current.pitch
     hand.mouse(app.window, 500, 400, 0, True)  # both between two frames: few are drawn on a slow machine
     run(app, 2)
     assert (app.scene.camera.current.yaw, app.scene.camera.current.pitch) == before
-    hand.mouse(app.window, 540, 400, 0, True)
-    run(app, 2)
+    point(app, 540, 400, 0, True)
     assert app.scene.camera.current.yaw != before[0]
 
 
@@ -119,7 +115,6 @@ def test_home_turns_character_and_camera_to_the_obstacles(start: Start) -> None:
     controller(app).yaw = 2.0
     run(app)
     press(app, "home")
-    run(app)
     assert app.scene.simulation.current.root_yaw == pytest.approx(0.0)
     assert app.scene.camera.current.heading == pytest.approx(0.0)
     assert np.abs(shown_at(app, np.array([0.0, 0.4, 6.0]))).max() < 1.0  # the beam

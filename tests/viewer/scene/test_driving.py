@@ -1,7 +1,5 @@
 """The real application without a display, driven by keys, pads and scripts."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

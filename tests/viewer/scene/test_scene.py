@@ -1,7 +1,5 @@
 """The real application without a display: grounds, characters, dropped files, and models that fail."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

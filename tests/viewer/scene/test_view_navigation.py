@@ -1,13 +1,10 @@
 """The real application without a display: the view panned, orbited, zoomed and framed by mouse and keys."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from runtime.takes.pins import Pinned
-from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, press, run
+from tests.helpers.app_driver import Start, click_on, point, press, run, wheel
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -22,14 +19,10 @@ def drag(app: App, button: int, *held: str, dx: float = 40.0, dy: float = 0.0) -
     x, y = 0.55 * size.x, 0.4 * size.y
     for key in held:
         app.window.inject_key(key, True)
-    hand.mouse(app.window, x, y)
-    run(app, 2)
-    hand.mouse(app.window, x, y, button, True)
-    run(app, 3)
-    hand.mouse(app.window, x + dx, y + dy)
-    run(app, 2)
-    hand.mouse(app.window, x + dx, y + dy, button, False)
-    run(app, 2)
+    point(app, x, y)
+    point(app, x, y, button, True)
+    point(app, x + dx, y + dy)
+    point(app, x + dx, y + dy, button, False)
     for key in held:
         app.window.inject_key(key, False)
     run(app)
@@ -78,7 +71,6 @@ def test_the_habits_of_other_programs(
     run(app, 2)
     click_on(app, program)
     press(app, "escape")
-    run(app, 2)
     assert not app.settings_window.shown
     before = view(app)
     drag(app, *orbit)
@@ -104,11 +96,9 @@ def test_the_wheel_zooms_at_the_pointer(start: Start, steps: float) -> None:
     point = point + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
     at = on_screen(camera, point, size)
     assert at is not None
-    hand.mouse(app.window, *at)
-    run(app, 2)
+    point(app, *at)
     before = camera.distance
-    hand.wheel(app.window, steps)
-    run(app, 2)
+    wheel(app, steps)
     assert (camera.distance < before) == (steps > 0)
     assert on_screen(camera, point, size) == pytest.approx(at, abs=3.0)
 

@@ -1,7 +1,5 @@
 """The end of the program: in time, whatever runs, and with every take kept."""
 
-from __future__ import annotations
-
 import os
 import signal
 import tempfile

@@ -1,7 +1,5 @@
 """Real processes that record or edit and are killed, interrupted or find no room; all of them: `python -m tests.faults`."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable
 from pathlib import Path

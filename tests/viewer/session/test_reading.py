@@ -1,7 +1,5 @@
 """Files that take long to read: the status line names them, they can be cancelled, and the end does not wait for them."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

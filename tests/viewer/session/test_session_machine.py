@@ -1,7 +1,5 @@
 """A short run of the state machine over the real application; `python -m tests.session_machine` runs long."""
 
-from __future__ import annotations
-
 from tests.session_machine import run_machine
 
 

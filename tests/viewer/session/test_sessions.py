@@ -1,7 +1,5 @@
 """The real application without a display: a session is new, opened, saved, copied, reverted, and outlives every bad moment."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -25,7 +23,6 @@ from runtime.session.motion import Motion
 from runtime.session.session import ModelName, Reference, Session, Take
 from runtime.session.session_file import SessionFile
 from runtime.terrain.files import write_height_png
-from tests.helpers import hand
 from tests.helpers.app_driver import (
     Start,
     click_on,
@@ -37,6 +34,7 @@ from tests.helpers.app_driver import (
     run_until,
     texts,
     titles,
+    type_in,
 )
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
@@ -350,12 +348,9 @@ def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(app: App) -
         app.editor.do("edit", lambda session, n=number: replace(session, counter=10 + n))  # type: ignore[misc]
     assert app.editor.file.flush(20.0)
     click_on(app, "##session")
-    run(app, 2)
     click_on(app, "##lost")
-    run(app, 2)
     (label,) = [label for label, _ in drawn(app) if label.startswith("Take 1, ")]
     click_on(app, label.partition("##")[0])
-    run(app, 2)
     assert titles(app) == ["gone"]
     assert said(app) == "Recovered: Take 1."
     assert app.editor.file.flush(20.0)
@@ -489,11 +484,8 @@ def test_without_a_dialog_program_the_path_is_typed(app: App, tmp_path: Path) ->
     app.sessions.dialogs.available = lambda: False
     record(app)
     press(app, "ctrl", "s")
-    run(app, 3)
-    hand.text(app.window, str(tmp_path / "typed"))
-    run(app, 2)
+    type_in(app, str(tmp_path / "typed"))
     click_on(app, "##dialog ok")
-    run(app, 2)
     assert (tmp_path / "typed.sport").is_file()
     assert app.sessions.name == "typed"
 

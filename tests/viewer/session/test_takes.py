@@ -1,7 +1,5 @@
 """The real application without a display: takes, playback, export and pictures."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

@@ -299,7 +299,6 @@ class SessionMachine(RuleBasedStateMachine):
         take = self.pick(place)
         self.app.takes.play(take.number)
         playback, (first, last) = self.app.takes.playback, take.range
-        assert playback is not None
         playback.seek(frame)
         self.app.cutting.split()
         if first < frame < last:
@@ -350,7 +349,6 @@ class SessionMachine(RuleBasedStateMachine):
     def pose_key(self, place: int, frame: int, copied: bool) -> None:
         take, posing = self.pick(place), self.app.posing
         self.app.takes.play(take.number)
-        assert self.app.takes.playback is not None
         self.app.takes.playback.seek(frame)
         posing.joint = 16
         if copied:
@@ -359,7 +357,6 @@ class SessionMachine(RuleBasedStateMachine):
         else:
             posing.set_key()
         after = self.session.take(take.number)
-        assert after is not None
         keys = {round(key.seconds * 60) for key in take.poses.layer.keys} | {frame}
         if self.busy(take):
             return
@@ -372,11 +369,9 @@ class SessionMachine(RuleBasedStateMachine):
         take = self.pick(place)
         self.app.takes.play(take.number)
         playback = self.app.takes.playback
-        assert playback is not None
         playback.seek(frame)
         self.app.camera_keys.add()
         after = self.session.take(take.number)
-        assert after is not None
         frames = {round(key.seconds * 60) for key in take.cameras} | {playback.frame}
         assert len(after.cameras) == len(frames)
         if after != take:

@@ -60,7 +60,6 @@ class Recorder:
             self.frames = int(line)
 
     def _listen(self) -> None:
-        assert self.process.stderr is not None
         self.said = self.process.stderr.read()
 
     def until(self, seconds: float) -> None:

@@ -183,7 +183,6 @@ def message(app: App) -> str:
 def words(app: App) -> dict[str, str]:
     """The descriptions the character moves by."""
     answer = app.editor.session.live.prompt.a
-    assert answer is not None
     return answer.words.to_mapping()
 
 
@@ -219,14 +218,12 @@ def record(app: App, frames: int = 20, stop: bool = True) -> None:
 
 def seek(app: App, frame: int) -> None:
     """Show a frame of the take that plays, and pause there."""
-    assert app.takes.playback is not None
     app.takes.playback.seek(frame)
     run(app, 2)
 
 
 def frame(app: App) -> int:
     """The frame that is shown of the take that plays."""
-    assert app.takes.playback is not None
     return app.takes.playback.frame
 
 

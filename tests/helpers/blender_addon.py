@@ -19,8 +19,6 @@ ADDON = PROJECT_ROOT / "integrations" / "blender" / "sport_viewer.py"
 def load_addon() -> ModuleType:
     """The add-on's file imported from where it lies."""
     spec = importlib.util.spec_from_file_location("sport_viewer_addon", ADDON)
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)

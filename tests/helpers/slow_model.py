@@ -81,5 +81,4 @@ def asking(start: Start, language_model: Model) -> Callable[[], App]:
 def source(app: App) -> tuple[str, str]:
     """Prompt A and who answered it."""
     answer = app.editor.session.live.prompt.a
-    assert answer is not None
     return answer.prompt, answer.source

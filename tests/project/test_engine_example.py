@@ -36,8 +36,6 @@ needs_package = pytest.mark.skipif(
 def reference() -> ModuleType:
     """The loop of the example."""
     spec = importlib.util.spec_from_file_location("engine_controller", FOLDER / "controller.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -121,7 +121,6 @@ def test_a_walk_gets_on_over_stairs(model: MotionModel, monkeypatch: pytest.Monk
 def test_an_obstacle_is_seen_as_what_it_is(kind: ObstacleKind) -> None:
     size = 0.4
     found = obstacle_ahead(obstacle_ground(kind, size), 0.0, 2.0, np.array([0.0, 1.0]), 3.0)
-    assert found is not None
     assert found.kind is kind
     assert found.size == pytest.approx(size, abs=0.06)
 

@@ -73,7 +73,6 @@ def test_a_run_without_a_display_writes_none(app: App) -> None:
 def test_a_kill_costs_no_setting_that_was_written(tmp_path: Path) -> None:
     process = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE)
     try:
-        assert process.stdout is not None
         assert process.stdout.readline() == b"changed\n"
         end = time.monotonic() + 60.0
         while not load_settings(tmp_path)[0].show_ghosts:

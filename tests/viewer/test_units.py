@@ -32,7 +32,6 @@ def test_errors_stay_and_notes_fade() -> None:
     messages = Messages(clock=lambda: now[0])
     messages.error("a\nb", topic="a state")
     now[0] = 1000.0
-    assert messages.current is not None
     assert messages.current.text == "a b"
     messages.note("fine")
     assert messages.current.text == "fine"
@@ -62,7 +61,6 @@ def test_the_picture_is_centred_in_what_the_panels_leave() -> None:
     wide, narrow = arrange(1280, 720, 1.0), arrange(800, 600, 1.0)
     assert framing(arrange(1280, 720, 1.0, panels=False))[0] == 0.0
     assert framing(wide)[0] == pytest.approx(2 * (wide.view.x + wide.view.width / 2) / 1280 - 1)
-    assert narrow.tabs is not None
     assert (1 + framing(narrow)[0]) / 2 * 800 > narrow.tabs.x + narrow.tabs.width + 100
     assert framing(arrange(360, 600, 1.0))[0] == 0.0  # hardly anything is left
 
@@ -70,7 +68,6 @@ def test_the_picture_is_centred_in_what_the_panels_leave() -> None:
 def test_the_timeline_takes_its_height_from_the_view() -> None:
     for size in ((1280, 720), (800, 500)):
         layout = arrange(*size, 1.0, transport=True)
-        assert layout.transport is not None
         _, up, share = framing(layout)
         # its lower edge is the bar
         assert up - share == pytest.approx(1.0 - 2.0 * layout.transport.y / size[1])

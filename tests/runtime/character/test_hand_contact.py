@@ -124,7 +124,6 @@ def test_a_hand_that_comes_near_is_not_thrown_about(mannequin: Character) -> Non
     positions, world = SPORT_SKELETON.forward_kinematics(*reaching(goals))
     shown, turned = clear_hands(mannequin, mannequin.body, positions, world)
     assert np.abs(shown - positions).max() > 0.03
-    assert mannequin.body is not None
     fingers = rotations.rotate(world[:, HAND, None], mannequin.body.hands[0])
     ways = [
         np.linalg.norm(np.diff(at[:, HAND, None] + fingers, axis=0), axis=-1) for at in (positions, shown)

@@ -77,7 +77,6 @@ def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground
     for path in (take, *files[:-1]):
         np.testing.assert_allclose(feet_of(path), wanted, atol=1e-4, err_msg=path.name)
     bars = re.search(r'"contacts": "(\d+)"', files[-1].read_text())
-    assert bars is not None
     sides = [(wanted[:, k : k + 2] > 0.5).any(axis=1) for k in (0, 2)]
     assert [int(bits) for bits in bars[1]] == (sides[0] + 2 * sides[1]).tolist()
     for_engine = [tmp_path / "engine.glb", tmp_path / "engine.fbx"]
@@ -101,7 +100,6 @@ def test_a_loop_comes_back(tmp_path: Path, ending: str) -> None:
     long = replace(Clip("walk", 60.0, *walk(300)), terrain="flat", prompts=(PromptEvent(0.0, "calm"),))
     (text,) = save_motion(long, path := tmp_path / f"loop.{ending}", ExportOptions(loop=True), Terrain.flat())
     clip = open_take(path).clip
-    assert clip.loop is not None
     assert clip.loop.describe() in text
     assert clip.loop.last - clip.loop.first == len(clip) - 1
     assert clip.trim(0, 20).loop is None

@@ -113,7 +113,6 @@ def test_an_opened_take_lies_on_its_ground(app: App, tmp_path: Path) -> None:
         run(app, 2)
         assert "on the ground hills" in message(app)
         playback = app.takes.playback
-        assert playback is not None
         assert playback.terrain.name == "hills"
         assert app.scene.renderer.terrain is playback.terrain
         app.takes.close_playback()

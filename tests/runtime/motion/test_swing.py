@@ -66,7 +66,6 @@ def test_gains_are_those_of_a_style_at_its_code_and_one_elsewhere() -> None:
 def test_what_no_model_measures_is_refused() -> None:
     row = {"style": "angry", "gains": list(ROLLED), "code": " ".join(["0.5"] * 384)}
     read = MeasuredSwings.read(Path("m"), {"swings": [row]}, (6, 64))
-    assert read is not None
     assert read.of(read.codes[0]) == pytest.approx(ROLLED, rel=0.01)
     for wrong in ({"gains": [9.0] * 5}, {"code": "0.5 nan"}, {"gains": [1.0]}):
         with pytest.raises(ModelError, match="swings"):

@@ -60,7 +60,6 @@ def test_jogs_lean_forward_unless_words_say_otherwise(torso: str) -> None:
 
 def test_a_phrase_means_what_was_measured_and_another_what_is_written() -> None:
     measured = captured().phrase("torso", "leaning forward", "lean")
-    assert measured is not None
     assert measured[WALK] is not None
     asked = edit_targets(replace(PLAIN, torso="torso leaning forward like a plough"))[WALK, ROW_TRUNK, LEAN]
     assert tuple(asked[1:]) == measured[WALK]

@@ -107,7 +107,6 @@ def test_stored_embeddings_fit_the_shipped_words(library: PromptLibrary) -> None
     """Fails when library.json or a style changed without `python -m training.text.build_library`."""
     path = PROMPTS / "library.npz"
     stored = load_embeddings(path, library, ENCODER)
-    assert stored is not None
     assert path.stat().st_size < 3_000_000
     network = TextEncoder(stored=False)
     for entry in (5, 250, -1):

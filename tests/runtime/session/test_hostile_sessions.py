@@ -449,7 +449,6 @@ def test_what_is_named_a_hundred_times_is_made_once(path: Path) -> None:
     change(path, f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'", json.dumps(text))
     file, history = SessionFile.open(path, path.parent / "cache")
     inputs = history.present.session.takes[0].made.inputs
-    assert inputs is not None
     assert len({id(key.snapshot) for key in inputs.keyframes}) == 1
     file.close()
 

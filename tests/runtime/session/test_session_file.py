@@ -84,7 +84,6 @@ def test_a_session_with_one_of_everything_comes_back(tmp_path: Path) -> None:
             clip.origin,
         )
     kept = file.character_path(now.character)
-    assert kept is not None
     assert kept.is_relative_to(elsewhere)
     other = tmp_path / "b.sport"
     written(other, history_of(now), elsewhere)
@@ -158,7 +157,6 @@ def record(
     file: SessionFile, clip: Clip, inputs: InputRecording | None, parts: int = 15
 ) -> tuple[object, np.ndarray]:
     """A recording of a clip that is not finished."""
-    assert clip.gaits is not None
     table = np.concatenate(
         [
             clip.hips_positions,
@@ -244,7 +242,6 @@ def test_a_recording_that_ends_is_the_same_motion_and_packed_in_large_pieces(tmp
     (take,) = found.present.session.takes
     assert take.made.key == motion.key
     assert close(take.made.clip, clip)
-    assert take.made.inputs is not None
     assert np.array_equal(take.made.inputs.frames.rows, inputs.frames.rows, equal_nan=True)
     again.close()
 

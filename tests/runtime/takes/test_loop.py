@@ -41,7 +41,6 @@ def uneven_walk(frames: int = 400) -> Clip:
 def test_the_seam_closes(fps: float) -> None:
     take = prepare(uneven_walk(), ExportOptions(loop=True, fps=fps), FLAT)
     report = take.clip.loop
-    assert report is not None
     assert abs(len(take.clip) - 1 - CYCLE_FRAMES * fps / 60) <= 0.06 * CYCLE_FRAMES, "one cycle, not two"
     assert report.ends_cm > 0.3, "there was something to blend"
     distance, angle = seam_error(take.clip, take.root)
@@ -54,7 +53,6 @@ def test_the_seam_closes(fps: float) -> None:
 @pytest.mark.parametrize("strides", [2, 3])
 def test_a_loop_of_several_strides(strides: int) -> None:
     take = prepare(uneven_walk(), ExportOptions(loop=True, strides=strides), FLAT)
-    assert take.clip.loop is not None
     assert abs(len(take.clip) - 1 - strides * CYCLE_FRAMES) <= 0.1 * CYCLE_FRAMES
     assert take.clip.loop.seam_cm < 0.01
     with pytest.raises(UsageError, match="loop"):
@@ -70,7 +68,6 @@ def test_feet_slide_no_more_than_before_in_the_loop_and_over_its_seam() -> None:
     source = uneven_walk()
     take = prepare(source, LOOP, FLAT)
     clip, root, report = take.clip, take.root, take.clip.loop
-    assert report is not None
     cycle = source.trim(report.first, report.last)
     turn = rotations.from_yaw(root.yaw[-1] - root.yaw[0])
     positions = clip.world()[0].astype(float)

@@ -22,7 +22,6 @@ def ground(*blocks: Block, base: float = 0.0) -> Terrain:
 @given(top=st.floats(0.15, 1.4), begin=st.floats(2.5, 3.5), base=st.floats(-3.0, 3.0))
 def test_a_bar_has_two_edges_and_a_height(top: float, begin: float, base: float) -> None:
     found = obstacle_ahead(ground(Block(begin, begin + 0.1, top, 4.0), base=base), 0.0, 1.0, AHEAD, 3.0)
-    assert found is not None
     assert (found.kind, found.skew) == (ObstacleKind.BAR, 0.0)
     assert found.near == pytest.approx(begin - 1.0, abs=0.11)  # a riser is a cell wide
     assert 0.0 < found.far - found.near < 0.35
@@ -37,7 +36,6 @@ def test_a_bar_has_two_edges_and_a_height(top: float, begin: float, base: float)
 def test_walls_and_drops_are_steps(top: float, kind: ObstacleKind) -> None:
     blocks = (Block(3.0, 4.5, top, 4.0),) if top > 0.0 else (Block(0.0, 3.0, -top, 4.0),)
     found = obstacle_ahead(ground(*blocks), 0.0, 1.0, AHEAD, 3.0)
-    assert found is not None
     assert found.kind is kind
     assert found.near == pytest.approx(2.0, abs=0.1)
     assert found.top == pytest.approx(top, abs=0.02)
@@ -50,14 +48,12 @@ def test_the_far_side_of_a_bar_is_not_a_drop() -> None:
     bar, block = ground(Block(3.0, 3.1, 0.5, 4.0)), ground(Block(2.0, 3.1, 0.5, 4.0))
     assert obstacle_ahead(bar, 0.0, 3.05, AHEAD, 3.0) is None
     found = obstacle_ahead(block, 0.0, 3.05, AHEAD, 3.0)
-    assert found is not None
     assert found.kind is ObstacleKind.DOWN
 
 
 def test_a_gap_ends_where_the_ground_comes_back() -> None:
     terrain = ground(Block(0.0, 3.0, 0.5, 4.0), Block(3.7, 6.0, 0.6, 4.0))
     found = obstacle_ahead(terrain, 0.0, 1.0, AHEAD, 3.0)
-    assert found is not None
     assert found.kind is ObstacleKind.GAP
     assert found.near == pytest.approx(2.0, abs=0.1)
     assert found.far == pytest.approx(2.7, abs=0.1)
@@ -79,7 +75,6 @@ def test_a_dip_as_deep_as_a_stair_is_walked_through(
 def test_an_edge_that_is_met_aslant_says_how_far_to_turn(angle: float) -> None:
     way = np.array([np.sin(angle), np.cos(angle)])
     found = obstacle_ahead(ground(Block(3.0, 6.0, 1.0, 4.0)), 0.0, 1.0, way, 3.0)
-    assert found is not None
     assert angle + found.skew == pytest.approx(0.0, abs=0.2)
 
 

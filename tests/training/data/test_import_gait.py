@@ -148,7 +148,6 @@ def walker(knee_bend: float, speed: float = 1.2, lean: float = 0.0) -> gait.Gait
 @pytest.mark.parametrize("bend", [0.05, 0.4])
 def test_gait_measures_what_a_walker_was_made_with(bend: float) -> None:
     found = gait.measure(walker(bend, lean=0.2))
-    assert found is not None
     np.testing.assert_allclose(found["knee_min"], np.degrees(bend), atol=0.1)
     np.testing.assert_allclose(found["speed"], 1.2, rtol=0.02)
     np.testing.assert_allclose(found["cadence"], 120.0, rtol=0.06)
@@ -158,14 +157,12 @@ def test_gait_measures_what_a_walker_was_made_with(bend: float) -> None:
 
 def test_strides_that_are_alike_vary_by_nothing_and_a_hand_that_wanders_by_its_deviation() -> None:
     same = gait.measure(walker(0.1))
-    assert same is not None
     assert max(same["hands_vary_cm"], same["tops_vary_cm"], same["steps_vary_cm"]) < 0.2
     joints = walker(0.1)
     t = np.arange(600) / 60
     for hand in ("lw", "rw"):
         joints.points[hand][:, 1] += 0.05 * np.sin(2 * np.pi * t / 3.3)
     found = gait.measure(joints)
-    assert found is not None
     np.testing.assert_allclose(found["hands_vary_cm"], 5.0 / np.sqrt(2), rtol=0.15)
     np.testing.assert_allclose(found["tops_vary_cm"], 5.0 / np.sqrt(2), rtol=0.3)
     assert found["steps_vary_cm"] < 0.2

@@ -158,8 +158,6 @@ def test_a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral(
         clause_fraction(part, clause, neutral, measured(edit)),
         clause_fraction(part, clause, neutral, neutral),
     )
-    assert shown is not None
-    assert still is not None
     assert shown[0] > 0.8
     assert shown[1], "the clause asks for a change"
     assert still[0] == 0.0

@@ -31,7 +31,6 @@ def app(start: Start) -> App:
     record(app, 120)
     seek(app, 5)
     playback = app.takes.playback
-    assert playback is not None
     keys = (
         PoseKey(20 / 60).with_value(Curve.TURN, HEAD, np.array([0.0, 0.4, 0.0])),
         PoseKey(60 / 60)

@@ -53,7 +53,6 @@ def recorded(app: App) -> Take:
 
 def played(app: App) -> Take:
     app.takes.play(app.editor.session.counter)
-    assert app.takes.playback is not None
     app.takes.playback.seek(20)
     run(app, 2)
     return item(app)
@@ -70,7 +69,6 @@ def add_pin(app: App, what: str) -> None:
 
 def handle(app: App, index: int = 0) -> tuple[float, float]:
     overlay = app.pins.overlay()
-    assert overlay is not None
     shown = on_screen(app.scene.camera.current, overlay.points[index], imgui.get_io().display_size)
     assert shown is not None
     return shown

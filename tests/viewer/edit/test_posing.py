@@ -18,7 +18,6 @@ HIPS, HEAD = 0, 16
 
 def at(app: App, joint: int) -> tuple[float, float]:
     playback = app.takes.playback
-    assert playback is not None
     where = on_screen(app.scene.camera.current, playback.pose().positions[joint], imgui.get_io().display_size)
     assert where is not None
     return where
@@ -38,7 +37,6 @@ def drag(app: App, start: tuple[float, float], by: tuple[float, float]) -> None:
 
 def layer(app: App) -> PoseLayer:
     take = app.takes.played
-    assert take is not None
     return take.poses.layer
 
 
@@ -52,7 +50,6 @@ def test_the_hips_are_dragged_down_and_the_feet_stay(start: Start, size: tuple[i
     click(app, *at(app, HIPS))
     run(app, 8)
     playback = app.takes.playback
-    assert playback is not None
     before = playback.pose().positions
     drag(app, at(app, HIPS), (0.0, 0.04 * size[1]))
     after = playback.pose().positions

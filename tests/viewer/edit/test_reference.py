@@ -36,7 +36,6 @@ def with_take(app: App) -> App:
     app.takes.toggle_recording()
     app.takes.play(1)
     run(app, 3)
-    assert app.takes.playback is not None
     app.takes.playback.seek(0)
     return app
 
@@ -101,14 +100,12 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     app = with_take(start())
     choose_beside(app, foreign(tmp_path / "other.bvh", TURNS["as ours"]))
     reference, playback = app.references, app.takes.playback
-    assert playback is not None
     assert playback.number == 1, "the take goes on playing"
     assert reference.name == "other"
     assert reference.look is Look.SKELETON
     beside = reference.pose(playback)
     assert beside is not None
     figure = reference.figure(playback, beside)
-    assert figure is not None
     starts = figure.matrices[:, :3, 3]  # where the bones begin
     assert np.abs(starts[:, 1] - playback.terrain.height(0.0, 0.0)).min() < 0.2
     assert starts.mean(axis=0) == pytest.approx(beside.positions.mean(axis=0), abs=0.25)
@@ -135,7 +132,6 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     app.takes.play(1)
     run(app, 2)
     overlays = app.overlays(None, [])
-    assert overlays.figure is not None
     assert overlays.figure.on_top
     assert not overlays.extra_poses
     assert not overlays.ghosts
@@ -151,7 +147,6 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     click_on(app, "##reference look")
     choose_file(app, "Another character…", path)
     figure = app.overlays(None, []).figure
-    assert figure is not None
     assert figure.mesh is app.references.character
     app.sessions.save_as(tmp_path / "a.sport")
     run(app, 2)
@@ -176,7 +171,6 @@ def card_box(app: App) -> tuple[float, float, float, float]:
 def body_box(app: App) -> tuple[float, float, float, float]:
     """The same of the joints of the character in the window."""
     playback, size = app.takes.playback, imgui.get_io().display_size
-    assert playback is not None
     seen = [on_screen(app.scene.camera.current, point, size) for point in playback.pose().positions]
     xs, ys = zip(*[point for point in seen if point is not None], strict=True)
     return min(xs), min(ys), max(xs), max(ys)
@@ -194,7 +188,6 @@ def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, in
     app.references.show(2)
     if pinned:
         app.pins.add(Pinned.LEFT_HAND)
-    assert app.takes.playback is not None
     app.takes.playback.playing = False
     run(app, 60)
     desk = imgui.internal.find_window_by_name("Session")
@@ -290,7 +283,6 @@ def test_another_animation_of_a_file_is_chosen_in_the_menu_of_its_take(start: St
         (("مشي سريع 🏃", 50), ("walk (3)", 60), ("animation 4", 70), ("x" * 60, 80)), 1
     ):
         choose(0, number)
-        assert app.takes.played is not None
         assert (app.takes.played.title, app.takes.played.made.header.frames) == (shown, frames)
     app.references.show(1)
     choose(0, 2)

@@ -59,7 +59,6 @@ def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
     assert len(made) != before.frames
     speeds = np.linalg.norm(np.diff(made.hips_positions[:, [0, 2]], axis=0), axis=1) * 60.0
     assert speeds.max() == pytest.approx(0.7, abs=0.02)  # half of 1.4 m/s
-    assert app.takes.playback is not None
     assert app.takes.playback.last == len(made) - 1
     assert app.editor.undo_label == "path of Take 1"
     assert app.editor.session.takes[0].path == tool.points
@@ -73,14 +72,12 @@ def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
 
 def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> None:
     playback = app.takes.playback
-    assert playback is not None
     app.editor.do("mirror image", lambda session: edits.selected(edits.mirrored_copy(session, 1), 1))
     references = app.references
     references.show(2)
     playback.seek(30)
     run(app, 2)
     pose, beside = playback.pose(), references.pose(playback)
-    assert beside is not None
     assert beside.hips_position - pose.hips_position == pytest.approx([-1.0, 0.0, 0.0], abs=0.01)
     assert len(app.overlays(None, []).extra_poses) == 1
     click_on(app, "Over it")
@@ -90,7 +87,6 @@ def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> Non
         point(app, at, y, None if down is None else 0, bool(down))
     assert references.reference.offset_s > 0.1
     ahead = references.pose(playback)
-    assert ahead is not None
     later = float(ahead.hips_position[2] - pose.hips_position[2])
     assert later == pytest.approx(1.4 * references.reference.offset_s, abs=0.03)
     app.takes.remove(2)

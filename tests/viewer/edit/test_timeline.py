@@ -114,7 +114,6 @@ def test_trim_handles_are_dragged(app: App) -> None:
     record(app)
     drag(app, "##timeline", 0.0, 0.25, down=0.8)
     playback = app.takes.playback
-    assert playback is not None
     assert 18 <= playback.first <= 22
     drag(app, "##timeline", 0.995, 0.5, down=0.8)
     assert 37 <= playback.last <= 42
@@ -365,7 +364,6 @@ def test_p_while_recording_ends_the_take_and_plays_it(app: App) -> None:
     run(app, 10)
     press(app, "p")
     assert not app.takes.recording
-    assert app.takes.playback is not None
     assert app.takes.playback.number == 2
 
 

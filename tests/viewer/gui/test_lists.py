@@ -66,7 +66,6 @@ def test_tooltips_lie_beside_the_panel_and_say_what_cannot_be_read(
     app.prompting.submit_part("left_arm")
     run(app, 90)
     found = tooltip_rect()
-    assert found is not None
     columns = [rect[2] for label, rect in drawn(app) if label == "##words"]
     assert found[0] >= max(columns)
     assert (found[2] <= size[0]) & (found[3] <= size[1]) & (found[1] >= 0)
@@ -82,7 +81,6 @@ def test_tooltips_of_the_timeline_lie_over_it(app: App) -> None:
     hand.mouse(app.window, *place(app, "##prompts"))
     run(app, 60)
     found = tooltip_rect()
-    assert found is not None
     assert found[3] <= min(top for label, (_, top, _, _) in drawn(app) if label == "##timeline")
 
 

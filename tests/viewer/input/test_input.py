@@ -220,13 +220,11 @@ def test_pads_come_and_go_and_the_touched_one_drives() -> None:
     glfw = StubGlfw()
     pads = GlfwGamepads(glfw)
     state = pads.poll()
-    assert state is not None
     assert (state.name, state.left, state.right_trigger) == ("Test Pad", (0.0, 1.0), 0.0)
     glfw.present[1], glfw.axes[1] = True, 0.0
     pads.poll()
     glfw.raw[1] = -0.9
     raw = pads.poll()
-    assert raw is not None
     assert raw.name.startswith("Odd Pad")
     assert raw.left == pytest.approx((0.0, 0.9))
     glfw.present = {}
@@ -238,7 +236,6 @@ def test_a_raw_axis_that_never_rests_is_ignored() -> None:
     glfw.present = {1: True}
     glfw.raw[0] = -1.0  # dead: always at its end
     state = GlfwGamepads(glfw).poll()
-    assert state is not None
     assert state.left == (0.0, 0.0)
 
 
@@ -251,20 +248,17 @@ def test_a_raw_trigger_counts_once_it_was_seen_released(axis: int) -> None:
     for value in (0.0, 1.0, -0.5):
         glfw.raw[axis] = value
         state = pads.poll()
-        assert state is not None
         assert (state.left_trigger, state.right_trigger, state.touched) == (0.0, 0.0, False)
         assert mapper.read(pressed_keys("w"), state, DT).gait is Gait.WALK
     glfw.raw[axis] = -1.0  # a trigger: let go
     pads.poll()
     glfw.raw[axis] = 0.0
     state = pads.poll()
-    assert state is not None
     assert (state.left_trigger, state.right_trigger) == ((0.5, 0.0) if axis == 2 else (0.0, 0.5))
     glfw.present = {}
     pads.poll()
     glfw.present = {1: True}  # another pad in its place has to show it again
     state = pads.poll()
-    assert state is not None
     assert not state.touched
 
 
@@ -275,7 +269,6 @@ def test_a_raw_pad_of_four_axes_has_no_triggers() -> None:
     pads.poll()
     glfw.raw[2] = 0.8  # the right stick
     state = pads.poll()
-    assert state is not None
     assert (state.right, state.left_trigger, state.right_trigger) == ((0.8, 0.0), 0.0, 0.0)
 
 

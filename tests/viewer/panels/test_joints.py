@@ -109,7 +109,6 @@ def test_a_vrm_is_dropped_chosen_in_the_dialog_and_given_to_the_command(start: S
     click_on(app, "Files, body, links")
     click_on(app, "##browse file")
     question = app.sessions.dialogs.question
-    assert question is not None
     assert "*.vrm" in question.filters[1].split()
     question.done(path)
     assert app.scene.character_path == path

@@ -79,7 +79,6 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     click_on(app, "##prompt B")
     type_in(app, "a duck")
     press(app, "enter")
-    assert app.editor.session.live.prompt.b is not None
     assert app.editor.session.live.prompt.b.prompt == "a duck"
     assert app.editor.undo_label == "prompt B “a duck”"
     left, y = place(app, "##all")

@@ -77,7 +77,6 @@ def test_the_master_weight_moves_what_is_not_locked() -> None:
     assert moved.weights == (0.5, 0.5, 0.5, 0.5, 1.0, 0.0)
     assert moved.master_weight == pytest.approx(0.6)
     mix = moved.style()
-    assert mix is not None
     parts = sum(share * z[:, 0] for share, z in zip(mix.weights, mix.codes, strict=True))
     assert np.allclose(parts, [2.0, 2.0, 2.0, 2.0, 3.0, 1.0])
     everything = dataclasses.replace(edit, locked=frozenset(PART_NAMES))

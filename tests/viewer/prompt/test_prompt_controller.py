@@ -265,10 +265,8 @@ def test_another_model_encodes_every_step_before_it_is_asked_anything_new(room: 
     room.controller.poll()
     assert np.array_equal(room.styles[-1][0].codes, [workers[0].code(words("a duck"))])
     room.give()
-    assert room.prompt.a is not None
     assert np.array_equal(room.prompt.a.z, workers[0].code(room.prompt.a.words))
     kept = room.editor.session.variants[0].prompt.a
-    assert kept is not None
     assert np.array_equal(kept.z, workers[0].code(kept.words))
     for _ in range(3):
         room.editor.undo()
@@ -390,7 +388,6 @@ class Prompts(RuleBasedStateMachine):
 
     def answer_on(self, side: Side, final: bool) -> None:
         asked = self.asked[side]
-        assert asked is not None
         source = "gpt" if asked.answered else "library"
         self.room.give(side, source, final or not asked.prompt)
         said = words(asked.prompt, source).as_tuple() if asked.prompt else asked.words
@@ -415,7 +412,6 @@ class Prompts(RuleBasedStateMachine):
                 if side is Side.B and not any(known.weights):
                     known = self.all_weights(known, 0.5)
                 return known
-            assert old is not None
             changed = {p for p, b, n in zip(PART_NAMES, old.words, said, strict=True) if b != n}
             edited = {p for p, s, n in zip(PART_NAMES, old.said, said, strict=True) if s != n}
             known = known.put(side, replace(old, words=said, number=asked.number))
@@ -457,7 +453,6 @@ class Prompts(RuleBasedStateMachine):
     @rule(part=PARTS, text=st.sampled_from(["hanging", "shaking"]))
     def edit(self, part: str, text: str) -> None:
         a = self.now.sides[0]
-        assert a is not None
         self.room.controller.parts = dict(zip(PART_NAMES, a.words, strict=True)) | {part: text}
         self.room.controller.submit_part(part)
         said = tuple(self.room.controller.parts.values())

@@ -30,7 +30,6 @@ def test_a_character_is_chosen_in_the_window_and_taken_back(start: Start) -> Non
     app.editor.undo()
     run(app, 3)
     assert app.scene.character_name == "walker"
-    assert app.scene.character_path is not None
     assert app.scene.character_path.read_bytes() == character_file("walker").read_bytes()
 
 

@@ -110,7 +110,6 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
         again.editor.session.takes[1].made.clip.local_rotations, clip.local_rotations, atol=4e-5
     )
     assert Path(again.scene.terrain_spec).name == "dunes.png"
-    assert again.scene.character_path is not None
     assert again.scene.character_path.name == "me.glb"
     assert prompt(again) == "a proud king"
     again.editor.redo()
@@ -387,7 +386,6 @@ def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_roo
     run_until(app, lambda: app.editor.file.problem != "")
     app.messages.clock = lambda: time.monotonic() + 60.0  # what was said since has faded
     run(app, 2)
-    assert app.messages.current is not None
     text = app.messages.current.text  # the error holds, whatever was said after it
     assert "No space left" in text
     assert sqlite_file.ROOM_REMEDY in text
@@ -467,7 +465,6 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
     assert any("a.sport: " in message.text for message in app.messages.recent)
     app.takes.play(2)
     run(app, 3)
-    assert app.takes.playback is not None
     assert app.takes.playback.number == 2
     app.references.show(1)
     run(app, 3)

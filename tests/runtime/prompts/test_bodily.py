@@ -13,6 +13,7 @@ from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.library_data import load_library, load_styles
 from tests.helpers.shipped import shipped_encoder, shipped_library
+from tests.helpers.tables import table
 
 
 def prompts_of(name: str) -> list[str]:
@@ -43,41 +44,13 @@ def test_few_prompts_about_nothing_are_taken_for_a_walk(name: str, most: int) ->
     assert len(missed) <= most, missed
 
 
-@pytest.mark.parametrize(
-    "prompt",
-    [
-        "the stock market fell",
-        "blue",
-        "42",
-        "asdf qwer",
-        "quarterly report",
-        "invoice number 4711",
-        "🙂",
-        "SELECT * FROM users",
-        "what time is it?",
-    ],
-)
+@pytest.mark.parametrize("prompt", table(__file__, "nothing_bodily_is_neutral_and_says_so"))
 def test_nothing_bodily_is_neutral_and_says_so(prompt: str) -> None:
     assert is_neutral(prompt)
     assert "neutral" in expander().expand(prompt).note
 
 
-@pytest.mark.parametrize(
-    "prompt",
-    [
-        "疲れた兵士",
-        "пьяный матрос",
-        "راقصة باليه",
-        "un soldat épuisé",
-        "ein müder alter Mann",
-        "un hombre cansado",
-        "una donna molto stanca",
-        "een oude man met een stok",
-        "gammal trött man",
-        "bardzo stary człowiek",
-        "orang tua yang lelah",
-    ],
-)
+@pytest.mark.parametrize("prompt", table(__file__, "other_languages_are_neutral_and_named"))
 def test_other_languages_are_neutral_and_named(prompt: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(other_languages, "open_e5", lambda: None)
     alone = LibraryExpander(shipped_encoder()).expand(prompt)

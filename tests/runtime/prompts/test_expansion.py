@@ -14,6 +14,7 @@ from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.skeleton import PART_NAMES
 from tests.helpers.shipped import shipped_library
+from tests.helpers.tables import table
 
 ARMS, LEGS = ("left_arm", "right_arm"), ("left_leg", "right_leg")
 
@@ -50,21 +51,7 @@ def test_a_clause_overrides_only_its_part() -> None:
     assert plain.nearest[0] == ("an exhausted soldier", pytest.approx(1.0, abs=0.01))
 
 
-@pytest.mark.parametrize(
-    ("prompt", "nearest"),
-    [
-        ("a drunken man", "a drunk person stumbling home"),
-        ("furious", "furious boss"),
-        ("T-rex", "dinosaur"),
-        ("an astronaut", "astronaut on the moon"),
-        ("a toddler", "toddler"),
-        ("ArmsAboveHead", "arms above the head"),
-        ("a melting snowman", "snowman"),
-        ("a giraffe", "giraffe"),
-        ("someone carrying a piano", "carrying a heavy box"),
-        ("as if the floor were lava", "hot coals"),
-    ],
-)
+@pytest.mark.parametrize(("prompt", "nearest"), table(__file__, "new_words_find_their_entry"))
 def test_new_words_find_their_entry(prompt: str, nearest: str) -> None:
     expansion = expand(prompt)
     assert expansion.source == "library"
@@ -87,22 +74,7 @@ def test_a_mood_of_nobody_in_particular_moves_the_whole_body(prompt: str, leg: s
     assert leg in expand(prompt).descriptions.left_leg
 
 
-@pytest.mark.parametrize(
-    ("prompt", "leg"),
-    [
-        (
-            "a drunk, feet turned out",
-            "left foot turned outward, left leg stumbling, stepping unevenly and crossing over",
-        ),
-        (
-            "walking slowly, feet apart",
-            "left leg spread apart, wide stance, left leg stepping slowly, steps of normal length",
-        ),
-        ("walking slowly on tiptoe", "left foot on tiptoe, heel raised, left leg stepping slowly"),
-        ("an angry man, limping on the left leg", "limping on the left leg, hip dropping at its step"),
-        ("a nurse in a hurry", "left leg taking long quick steps, heel striking hard"),
-    ],
-)
+@pytest.mark.parametrize(("prompt", "leg"), table(__file__, "where_feet_are_leaves_the_way_that_they_step"))
 def test_where_feet_are_leaves_the_way_that_they_step(prompt: str, leg: str) -> None:
     assert expand(prompt).descriptions.left_leg == leg
 
@@ -176,39 +148,12 @@ def test_only_clauses_are_explicit_on_a_neutral_body() -> None:
 # several entries
 
 
-@pytest.mark.parametrize(
-    ("prompt", "sources"),
-    [
-        ("a depressed robot", {"robot": (*ARMS, *LEGS), "depressed person": ("torso", "head")}),
-        ("a drunken giraffe", {"giraffe": ARMS, "drunk": (*LEGS, "torso", "head")}),
-        ("a robot on ice", {"on ice": (*ARMS, *LEGS), "robot": ("torso", "head")}),
-        ("an arrogant king on stilts", {"king": ARMS, "stilts": LEGS, "arrogant": ("torso", "head")}),
-        ("a happy drunk", {"drunk": ("torso", *LEGS), "happy": ("head",)}),
-        ("a tired nurse", {"nurse": (*ARMS, *LEGS), "tired": ("torso", "head")}),
-        ("a king walking like a penguin", {"penguin": (*ARMS, *LEGS), "king": ("head",)}),
-        ("a robot dancing samba", {"samba": LEGS, "robot": ("head",)}),
-        ("an elephant on a tightrope", {"tightrope": (*ARMS, *LEGS), "elephant": ("torso", "head")}),
-        ("a lethargic robot", {"robot": ARMS, "lethargic": ("torso", "head")}),
-        (
-            "an old pirate carrying a heavy backpack through deep snow",
-            {"heavy backpack": (*ARMS, "torso"), "deep snow": LEGS, "old": ("head",)},
-        ),
-        ("arms like a robot, legs like a penguin", {"robot": ARMS, "penguin": LEGS, NEUTRAL: ("torso",)}),
-        ("a king with penguin legs", {"penguin": LEGS, "king": (*ARMS, "torso", "head")}),
-        (
-            "upper body like a gorilla, lower body like a ballerina",
-            {"gorilla": (*ARMS, "torso", "head"), "ballerina": LEGS},
-        ),
-        ("left arm like a robot", {"robot": ("left_arm",), NEUTRAL: ("right_arm", *LEGS, "torso")}),
-        # like every entry about feet and arms, and none of them
-        ("a clown with big floppy feet", {"clown": (*ARMS, *LEGS, "torso", "head")}),
-        ("a robot with jerky arms", {"robot": (*ARMS, *LEGS, "torso", "head")}),
-        ("slightly angry", {NEUTRAL: (*ARMS, *LEGS), "angry": ("torso", "head")}),
-        ("very angry", {"angry": PART_NAMES}),
-    ],
-)
-def test_mixtures_are_by_part(prompt: str, sources: dict[str, tuple[str, ...]]) -> None:
-    for entry, parts in sources.items():
+@pytest.mark.parametrize(("prompt", "sources"), table(__file__, "mixtures_are_by_part"))
+def test_mixtures_are_by_part(prompt: str, sources: dict[str, str]) -> None:
+    groups = {"arms": ARMS, "legs": LEGS}
+    for entry, words in sources.items():
+        parts = tuple(part for word in words.split() for part in groups.get(word, (word,)))
+        entry = NEUTRAL if entry == "NEUTRAL" else entry
         assert moves_like(prompt, entry, parts), (entry, expand(prompt).note)
 
 
@@ -217,14 +162,7 @@ def test_a_mixture_names_its_parts_and_their_sources() -> None:
 
 
 @pytest.mark.parametrize(
-    ("prompt", "like", "unlike"),
-    [
-        ("a man afraid of dogs", "afraid", "dog"),
-        ("running from a bear", "running from a bear", "bear"),
-        ("a clown with a parrot", "clown", "parrot"),
-        ("a ghost of a chicken", "ghost", "chicken"),
-        ("a sad man in an old house", "sad", "old"),
-    ],
+    ("prompt", "like", "unlike"), table(__file__, "whoever_is_only_mentioned_does_not_move")
 )
 def test_whoever_is_only_mentioned_does_not_move(prompt: str, like: str, unlike: str) -> None:
     assert moves_like(prompt, like, ("torso", "head"))
@@ -235,29 +173,7 @@ def test_whoever_is_only_mentioned_does_not_move(prompt: str, like: str, unlike:
 
 
 @pytest.mark.parametrize(
-    ("prompt", "like", "note"),
-    [
-        ("not angry", NEUTRAL, "denied"),
-        ("a man who is not drunk", NEUTRAL, "denied"),
-        ("a soldier who isn't tired", "soldier", "denied"),
-        ("a waiter, not hurried", "waiter", "denied"),
-        ("no longer sad, a robot", "robot", "denied"),
-        ("a robot, neither sad nor drunk", "robot", "denied"),
-        ("not sad but happy", "happy", "denied"),
-        ("a king without sadness or shame", "king", "denied"),
-        # the opposite where there is one
-        ("not so fast", "slow walk", "In its place: “slow walk”"),
-        ("less energetic", "relaxed stroller", "In its place: “relaxed stroller”"),
-        ("not so slow", "impatient commuter", "In its place: “impatient commuter”"),
-        ("not stiff", "relaxed stroller", "In its place: “relaxed stroller”"),
-        # no denials
-        ("someone trying not to wake the baby", "sneaking", ""),
-        ("unhook the right elbow", NEUTRAL, "neutral"),
-        # comparisons that say how much
-        ("stiff as a poker", "stiff", ""),
-        ("sad as a clown", "sad", ""),
-        ("as tired as a dog", "tired", ""),
-    ],
+    ("prompt", "like", "note"), table(__file__, "what_is_denied_or_only_compared_is_left_out_and_said")
 )
 def test_what_is_denied_or_only_compared_is_left_out_and_said(prompt: str, like: str, note: str) -> None:
     assert moves_like(prompt, like, PART_NAMES)
@@ -270,15 +186,7 @@ def test_denials_that_are_ways_to_say_something_are_kept(prompt: str) -> None:
     assert not moves_like(prompt, NEUTRAL, PART_NAMES)
 
 
-@pytest.mark.parametrize(
-    ("left", "right"),
-    [
-        ("sword in the left hand", "sword in the right hand"),
-        ("foot drop, left leg", "foot drop"),
-        ("a wooden left leg", "wooden leg"),
-        ("stroke patient, left side", "stroke patient, right side"),
-    ],
-)
+@pytest.mark.parametrize(("left", "right"), table(__file__, "the_other_side_is_mirrored"))
 def test_the_other_side_is_mirrored(left: str, right: str) -> None:
     assert expand(left).descriptions == expand(right).descriptions.mirrored()
 
@@ -313,15 +221,7 @@ def test_a_figure_that_walks_slowly_keeps_its_gait_and_only_its_speed_is_bounded
 # typing errors
 
 
-@pytest.mark.parametrize(
-    ("prompt", "meant"),
-    [
-        ("exausted soldier", "exhausted soldier"),
-        ("a drnuk man", "a drunk man"),
-        ("penguinn", "penguin"),
-        ("walking with sholders hunched", "walking with shoulders hunched"),
-    ],
-)
+@pytest.mark.parametrize(("prompt", "meant"), table(__file__, "one_wrong_letter_is_read_and_said"))
 def test_one_wrong_letter_is_read_and_said(prompt: str, meant: str) -> None:
     assert expand(prompt).descriptions == expand(meant).descriptions
     assert "read as" in expand(prompt).note

@@ -9,6 +9,7 @@ from runtime.errors import ModelError
 from runtime.prompts.content import GROUPS, input_sizes, one_sided, part_inputs, sentence_inputs
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.skeleton import PART_NAMES
+from tests.helpers.tables import table
 
 WORDS = [
     "left",
@@ -27,26 +28,7 @@ WORDS = [
 
 
 @pytest.mark.parametrize(
-    ("part", "text", "description", "sign"),
-    [
-        ("left_arm", "left hand on the hip", "left hand on the hip", 1.0),
-        ("right_arm", "right hand on the hip", "left hand on the hip", 1.0),
-        (
-            "right_leg",
-            "Right knee bent, crossing the left leg",
-            "Left knee bent, crossing the right leg",
-            1.0,
-        ),
-        ("left_leg", "stepping evenly", "stepping evenly", 1.0),
-        ("head", "head turned to the right", "head turned to the left", -1.0),
-        ("head", "head turned to the left", "head turned to the left", 1.0),
-        ("head", "head upright", "head upright", 0.0),
-        ("head", "turning left and right, looking around", "turning left and right, looking around", 0.0),
-        ("torso", "rocking from left to the right", "rocking from left to the right", 0.0),
-        ("torso", "leaning right, left shoulder raised", "leaning left, right shoulder raised", -1.0),
-        ("torso", "drifting rightwards", "drifting leftwards", -1.0),
-        ("torso", "upright as a bright knight", "upright as a bright knight", 0.0),
-    ],
+    ("part", "text", "description", "sign"), table(__file__, "a_sentence_describes_the_left")
 )
 def test_a_sentence_describes_the_left(part, text, description, sign):
     assert one_sided(part, text) == (description, sign)

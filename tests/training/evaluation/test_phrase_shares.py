@@ -21,6 +21,7 @@ from runtime.prompts.phrasing import (
     load_phrasings,
 )
 from runtime.skeleton import PART_NAMES
+from tests.helpers.tables import table
 from tests.helpers.walker import WalkerModel
 from tests.training.augmentation.test_augmentation import walker
 from training.augmentation.catalogue import part_edits
@@ -129,26 +130,7 @@ def test_the_library_prefers_the_sentence_that_is_shown() -> None:
 
 @pytest.mark.parametrize(
     ("part", "clause", "edit"),
-    [
-        ("left_arm", "left arm stretched straight out in front at shoulder height", "left_arm.forward"),
-        ("left_arm", "left arm raised straight up above the head", "left_arm.overhead"),
-        ("left_arm", "not swinging", "left_arm.hanging"),
-        ("left_arm", "swinging widely", "left_arm.swing_far"),
-        ("left_leg", "left knee bent deeply", "legs.crouch_deep"),
-        ("left_leg", "knee lifted high", "left_leg.high_knee"),
-        ("left_leg", "feet wide apart", "legs.far_apart"),
-        ("left_leg", "left leg taking very long slow strides", "legs.giant"),
-        ("left_leg", "left leg taking tiny hurried steps", "legs.hurried"),
-        ("left_leg", "limping on the left leg", "left_leg.limping"),
-        ("left_leg", "left leg stomping", "legs.stomping_hard"),
-        ("torso", "torso leaning far forward", "torso.lean_forward_far"),
-        ("torso", "leaning to the right", "torso.lean_right"),
-        ("torso", "hips swaying widely from side to side", "torso.hips_sway_far"),
-        ("torso", "rocking from side to side", "torso.rock_far"),
-        ("head", "head lowered", "head.down"),
-        ("head", "turned to the right", "head.turned_right"),
-        ("head", "nodding", "head.nodding"),
-    ],
+    table(__file__, "a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral"),
 )
 def test_a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral(
     part: str, clause: str, edit: str

@@ -1,5 +1,7 @@
 """BVH text in and out, and the errors of damaged files."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,27 +10,7 @@ from runtime.errors import FileError
 from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import SPORT_SKELETON, J
 
-SMALL = """HIERARCHY
-ROOT hip
-{
-  OFFSET 0 0 0
-  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
-  JOINT knee joint
-  {
-    OFFSET 0 -10 0
-    CHANNELS 6 Yposition Xposition Zposition Xrotation Yrotation Zrotation
-    End Site
-    {
-      OFFSET 0 -5 1
-    }
-  }
-}
-MOTION
-Frames: 2
-Frame Time: 0.0333333
-1 2 3 90 0 0   -10 0 0  0 0 0
-1 2 3 0 0 0    -12 4 5  0 0 90
-"""
+SMALL = Path(__file__).with_name("small.bvh").read_text()
 
 
 def test_channels_are_read_by_name_in_their_own_order():
@@ -111,13 +93,7 @@ def test_other_ways_to_write_a_file_are_the_same_motion(old: str, new: str) -> N
 
 @pytest.mark.parametrize(
     ("text", "fps"),
-    [
-        ("1/30", 30.0),
-        ("1 / 30", 30.0),
-        ("1.0/30.0", 30.0),
-        ("1,0/29,97", 29.97),
-        ("1001/30000", 30000 / 1001),
-    ],
+    [("1/30", 30), ("1 / 30", 30), ("1.0/30.0", 30), ("1,0/29,97", 29.97), ("1001/30000", 30000 / 1001)],
 )
 def test_the_time_of_a_frame_may_be_a_fraction(text: str, fps: float) -> None:
     motion = parse_bvh(SMALL.replace("0.0333333", text))

@@ -48,11 +48,8 @@ def feet_of(path: Path) -> np.ndarray:
             return np.nan_to_num(np.concatenate([npz["contacts"], npz["phase"]], axis=1), nan=-1.0)
     if path.suffix == ".csv":
         with path.open(newline="") as file:
-            rows = [
-                [row[name] for name in (*CONTACTS, "phase_left", "phase_right")]
-                for row in csv.DictReader(file)
-            ]
-        return np.array([[float(value or -1.0) for value in row] for row in rows])
+            names, rows = (*CONTACTS, "phase_left", "phase_right"), list(csv.DictReader(file))
+        return np.array([[float(row[name] or -1.0) for name in names] for row in rows])
     if path.suffix == ".usd":
         stage = pytest.importorskip("pxr.Usd").Stage.Open(str(path))
         sport = stage.GetDefaultPrim().GetCustomDataByKey("sport")
@@ -82,17 +79,13 @@ def test_a_take_on_its_ground_is_the_same_in_every_format(tmp_path: Path, ground
     for_engine = [tmp_path / "engine.glb", tmp_path / "engine.fbx"]
     assert main(["convert", str(files[1]), *map(str, for_engine), "--for", "unity", "--humanoid-names"]) == 0
     for path in (take, files[0], files[1], *for_engine):
-        opened = open_take(path)
+        opened, made = open_take(path), open_take(path).clip
         assert opened.reference is None
-        assert (opened.clip.terrain, opened.clip.prompts, opened.clip.origin) == (
-            ground,
-            prompts,
-            clip.origin,
-        )
-        assert opened.clip.fps == pytest.approx(fps, abs=1e-3)
-        assert [name for _, name in gait_changes(opened.clip.gaits, fps)] == ["walk", "jog"]
-        np.testing.assert_allclose(opened.clip.contacts, wanted[:, :4], atol=1e-4)
-        assert np.abs(opened.clip.world()[0] - clip.resampled(opened.clip.fps).world()[0]).max() < 1e-4
+        assert (made.terrain, made.prompts, made.origin) == (ground, prompts, clip.origin)
+        assert made.fps == pytest.approx(fps, abs=1e-3)
+        assert [name for _, name in gait_changes(made.gaits, fps)] == ["walk", "jog"]
+        np.testing.assert_allclose(made.contacts, wanted[:, :4], atol=1e-4)
+        assert np.abs(made.world()[0] - clip.resampled(made.fps).world()[0]).max() < 1e-4
 
 
 @pytest.mark.parametrize("ending", ["bvh", "glb", "vrma"])
@@ -103,9 +96,8 @@ def test_a_loop_comes_back(tmp_path: Path, ending: str) -> None:
     assert clip.loop.describe() in text
     assert clip.loop.last - clip.loop.first == len(clip) - 1
     assert clip.trim(0, 20).loop is None
-    assert (
-        clip.loop.describe() in save_motion(clip, tmp_path / "again.glb", ExportOptions(), Terrain.flat())[0]
-    )
+    again = save_motion(clip, tmp_path / "again.glb", ExportOptions(), Terrain.flat())
+    assert clip.loop.describe() in again[0]
 
 
 def test_a_take_of_another_character_comes_back_on_its_ground(tmp_path: Path) -> None:
@@ -143,9 +135,8 @@ def test_a_converted_take_is_the_generated_file(tmp_path: Path) -> None:
         track = next(s for s in gltf.animations[0].samplers)
         count = gltf.accessors[track.output].count
         view = gltf.bufferViews[gltf.accessors[track.output].bufferView]
-        numbers.append(
-            (count, np.frombuffer(gltf.binary_blob(), np.float32, view.byteLength // 4, view.byteOffset))
-        )
+        values = np.frombuffer(gltf.binary_blob(), np.float32, view.byteLength // 4, view.byteOffset)
+        numbers.append((count, values))
     assert numbers[0][0] == numbers[1][0]
     assert np.abs(numbers[0][1] - numbers[1][1]).max() < 1e-4
 

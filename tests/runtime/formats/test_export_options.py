@@ -1,6 +1,7 @@
 """Options of an export are declared once: the command line, the window and the formats agree, and a form is kept as JSON."""
 
 import argparse
+import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -66,14 +67,8 @@ def test_every_argument_reaches_its_option() -> None:
         if isinstance(field.default, bool):
             words, wanted = [spec.flag], not field.default
         else:
-            text = {
-                "fps": "24",
-                "engine": "unity",
-                "unit": "m",
-                "euler_order": "ZXY",
-                "character_unit": "mm",
-                "quality": "software",
-            }
+            text = {"fps": "24", "engine": "unity", "unit": "m", "euler_order": "ZXY"}
+            text |= {"character_unit": "mm", "quality": "software"}
             word = text.get(field.name, "7" if isinstance(field.default, float) else "a.obj")
             words, wanted = [spec.flag, word], spec.parse(word)
         if field.name == "humanoid_names":
@@ -103,8 +98,6 @@ def test_whatever_stands_in_json_is_a_form_that_the_window_can_show(value: dict[
 
 
 def test_a_form_is_plain_json() -> None:
-    import json
-
     assert form_from_json(parse_json(json.dumps(form_to_json(ExportForm(size="640x360"))))).size == "640x360"
 
 

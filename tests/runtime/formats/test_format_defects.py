@@ -14,6 +14,7 @@ from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.reference import open_take
 from runtime.formats.table import format_of, save_motion
 from runtime.pose import video_rate
+from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from sport import cli
@@ -82,19 +83,11 @@ def test_an_order_that_is_chosen_holds_for_all_joints(tmp_path: Path, order: str
 def test_an_arm_that_passes_the_pole_goes_on_without_a_jump(tmp_path: Path) -> None:
     clip = turning(0.0, 200)
     local = clip.local_rotations.copy()
-    local[:, 20] = Rotation.from_rotvec(np.linspace(0.0, 3.05, 200)[:, None] * (0.0, 1.0, 0.0)).as_quat()[
-        :, [3, 0, 1, 2]
-    ]
+    turns = Rotation.from_rotvec(np.linspace(0.0, 3.05, 200)[:, None] * (0.0, 1.0, 0.0))
+    local[:, 20] = turns.as_quat()[:, [3, 0, 1, 2]]
     path = save_bvh(Clip("arm", 60.0, clip.hips_positions, local, clip.contacts), tmp_path / "arm.bvh")
-    _, angles = channels(path, load_name(20))
+    _, angles = channels(path, SPORT_SKELETON.names[20])
     assert np.abs(np.diff(angles, axis=0)).max() < 2.0
-
-
-def load_name(joint: int) -> str:
-    """The name of a joint by its number."""
-    from runtime.skeleton import SPORT_SKELETON
-
-    return SPORT_SKELETON.names[joint]
 
 
 def test_convert_keeps_rate_and_unit(tmp_path: Path) -> None:
@@ -108,12 +101,8 @@ def test_convert_keeps_rate_and_unit(tmp_path: Path) -> None:
 
 
 def test_a_rate_of_video_is_exact(tmp_path: Path) -> None:
-    assert [video_rate(v) for v in (29.97, 1 / 0.0083333, 23.976, 15.0)] == [
-        30000 / 1001,
-        120.0,
-        24000 / 1001,
-        15.0,
-    ]
+    rates = [video_rate(v) for v in (29.97, 1 / 0.0083333, 23.976, 15.0)]
+    assert rates == [30000 / 1001, 120.0, 24000 / 1001, 15.0]
     path = save_bvh(turning(), tmp_path / "a.bvh", video_rate(29.97))
     assert "Frame Time: 0.0333666667" in path.read_text()
     assert load_clip_bvh(path).fps == 30000 / 1001
@@ -173,9 +162,8 @@ def test_a_caption_covers_no_foot(name: str, height: float) -> None:
     for k in range(len(clip)):
         camera = see(clip.pose(k))
         toes = clip.pose(k).positions[[4, 5, 9, 10]] * (1.0, 0.0, 1.0)
-        seen = (
-            np.column_stack([toes, np.ones(4)]) @ (camera.projection_matrix(16 / 9) @ camera.view_matrix()).T
-        )
+        matrix = camera.projection_matrix(16 / 9) @ camera.view_matrix()
+        seen = np.column_stack([toes, np.ones(4)]) @ matrix.T
         assert (seen[:, 1] / seen[:, 3]).min() > edge, k
 
 

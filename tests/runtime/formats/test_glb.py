@@ -133,9 +133,8 @@ def test_the_skinned_mesh_moves_as_on_the_screen(clip: Clip, source: Path, tmp_p
         inverse = read_accessor(played.gltf, skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
         matrices = played.worlds[80, skin.joints] @ inverse
         joints, weights = (read_accessor(played.gltf, i) for i in (attributes.JOINTS_0, attributes.WEIGHTS_0))
-        points = np.pad(
-            read_accessor(played.gltf, attributes.POSITION), ((0, 0), (0, 1)), constant_values=1.0
-        )
+        points = read_accessor(played.gltf, attributes.POSITION)
+        points = np.pad(points, ((0, 0), (0, 1)), constant_values=1.0)
         theirs.append(np.einsum("vj,vjik,vk->vi", weights, matrices[joints], points)[:, :3])
     assert np.abs(np.concatenate(theirs) - ours).max() < 1e-3
 
@@ -187,14 +186,12 @@ def test_markers_name_prompts_and_gaits(clip: Clip, source: Path, tmp_path: Path
 
 
 def test_the_ground_is_a_node_of_its_own_in_the_same_place(clip: Clip, tmp_path: Path) -> None:
-    take, played = export(
-        clip, tmp_path / "take.glb", asset_path(MANNEQUIN), with_ground=True, at_origin=True
-    )
+    options = {"with_ground": True, "at_origin": True}
+    take, played = export(clip, tmp_path / "take.glb", asset_path(MANNEQUIN), **options)
     node = played.gltf.nodes[played.node("Ground")]
     points = read_accessor(played.gltf, played.gltf.meshes[node.mesh].primitives[0].attributes.POSITION)
-    back = (points - np.array(take.placement.offset)) @ rotations.to_matrix(
-        rotations.from_yaw(take.placement.yaw)
-    )
+    turn = rotations.to_matrix(rotations.from_yaw(take.placement.yaw))
+    back = (points - np.array(take.placement.offset)) @ turn
     assert np.allclose(HILLS.height(back[:, 0], back[:, 2]), back[:, 1], atol=1e-3)
     hips = played.joints()["Hips"][0, :3, 3]
     assert np.allclose(hips[[0, 2]], 0.0, atol=0.1)
@@ -235,10 +232,9 @@ def test_files_beside_a_gltf_go_into_the_glb(clip: Clip, tmp_path: Path) -> None
     for name, wanted in expected(take, tmp_path / "rig.gltf").items():
         assert np.abs(played.joints()[name][:, :3, 3] - wanted[:, :3, 3]).max() < 1e-3, name
     before = np.asarray(Image.open(tmp_path / "cloth.png"))
-    pictures = [
-        m.visual.material.baseColorTexture for m in trimesh.load(str(tmp_path / "take.glb")).geometry.values()
-    ]
-    assert any(np.array_equal(np.asarray(p.convert("RGB")), before) for p in pictures)
+    meshes = trimesh.load(str(tmp_path / "take.glb")).geometry.values()
+    pictures = [np.asarray(m.visual.material.baseColorTexture.convert("RGB")) for m in meshes]
+    assert any(np.array_equal(picture, before) for picture in pictures)
 
 
 @pytest.mark.skipif(

@@ -191,15 +191,8 @@ def body(frames: int = 31, fps: float = 30.0, moving: str = "Hips") -> tuple[lis
             values = rotations.from_rotation_vector(vectors)[:, [1, 2, 3, 0]]
             keys.append((len(nodes) - 1, "rotation", seconds, values, "LINEAR"))
         if name == moving:
-            keys.append(
-                (
-                    len(nodes) - 1,
-                    "translation",
-                    seconds,
-                    local + 130.0 * seconds[:, None] * [0.0, 1, 0],
-                    "LINEAR",
-                )
-            )
+            way = local + 130.0 * seconds[:, None] * [0.0, 1, 0]
+            keys.append((len(nodes) - 1, "translation", seconds, way, "LINEAR"))
     if moving == "Armature":
         keys.append((0, "translation", seconds, 1.3 * seconds[:, None] * [0.0, 0, 1], "LINEAR"))
     return nodes, keys
@@ -252,14 +245,9 @@ def test_of_many_animations_few_are_read(
 ) -> None:
     nodes, keys = body()
     if not moves:
-        keys = [
-            (node, path, times, [values[0]] * len(times), kind) for node, path, times, values, kind in keys
-        ]
-    path, read = (
-        animated(tmp_path / "a.glb", nodes, *[(f"take {k}", keys) for k in range(61)]),
-        Counter[str](),
-    )
-    keys_of = gltf_keys._keys
+        keys = [(node, path, at, [values[0]] * len(at), kind) for node, path, at, values, kind in keys]
+    path = animated(tmp_path / "a.glb", nodes, *[(f"take {k}", keys) for k in range(61)])
+    read, keys_of = Counter[str](), gltf_keys._keys
     monkeypatch.setattr(gltf_motion, "MAX_LOOKED_AT", 800)
 
     def counted(*call: Any) -> Any:
@@ -279,20 +267,15 @@ def test_joints_that_no_skin_names_are_joints(clip: Clip, tmp_path: Path) -> Non
     document, blob = split_glb(path.read_bytes())
     skin = document["skins"][0]
     inverse = document["accessors"][skin.pop("inverseBindMatrices")]
-    left = [
-        k
-        for k, node in enumerate(skin["joints"])
-        if not document["nodes"][node]["name"].endswith(("Hips", "LeftHand"))
-    ]
+    names = [document["nodes"][node]["name"] for node in skin["joints"]]
+    left = [k for k, name in enumerate(names) if not name.endswith(("Hips", "LeftHand"))]
     at = document["bufferViews"][inverse["bufferView"]]["byteOffset"]
     matrices = np.frombuffer(blob, "<f4", 16 * len(skin["joints"]), at).reshape(-1, 16)[left]
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": matrices.nbytes})
     document["accessors"].append({"bufferView": len(document["bufferViews"]) - 1, "componentType": 5126, "type": "MAT4",
                                   "count": len(left)})  # fmt: skip
-    skin |= {
-        "joints": [skin["joints"][k] for k in left],
-        "inverseBindMatrices": len(document["accessors"]) - 1,
-    }
+    skin["joints"] = [skin["joints"][k] for k in left]
+    skin["inverseBindMatrices"] = len(document["accessors"]) - 1
     blob += matrices.tobytes()
     document["buffers"][0]["byteLength"] = len(blob)
     path.write_bytes(join_glb(document, blob))
@@ -314,67 +297,7 @@ def test_what_moves_no_body_is_no_take(tmp_path: Path) -> None:
     assert len(read_gltf_motion(pose).positions) == 1
 
 
-FBX = """; FBX 7.4.0 project file
-FBXHeaderExtension: {
-  FBXVersion: 7400
-}
-GlobalSettings: {
-  Properties70: {
-    P: "UnitScaleFactor", "double", "Number", "",1
-    P: "TimeMode", "enum", "", "",6
-  }
-}
-Objects: {
-  Model: 10, "Model::Hips", "LimbNode" {
-    Properties70: {
-      P: "Lcl Translation", "Lcl Translation", "", "A",0,100,0
-      P: "PreRotation", "Vector3D", "Vector", "",-90,0,0
-      P: "RotationActive", "bool", "", "",1
-    }
-  }
-  Model: 11, "Model::Spine", "LimbNode" {
-    Properties70: {
-      P: "Lcl Translation", "Lcl Translation", "", "A",0,0,20
-    }
-  }
-  AnimationStack: 20, "AnimStack::Take 001", "" {
-  }
-  AnimationLayer: 21, "AnimLayer::Base", "" {
-  }
-  AnimationStack: 30, "AnimStack::mixamo.com", "" {
-  }
-  AnimationLayer: 31, "AnimLayer::Base", "" {
-  }
-  AnimationCurveNode: 40, "AnimCurveNode::R", "" {
-  }
-  AnimationCurve: 41, "AnimCurve::", "" {
-    KeyTime: *2 {
-      a: 0,46186158000
-    }
-    KeyValueFloat: *2 {
-      a: 0,360
-    }
-    KeyAttrFlags: *1 {
-      a: 4
-    }
-    KeyAttrDataFloat: *4 {
-      a: 0,0,0,0
-    }
-    KeyAttrRefCount: *1 {
-      a: 2
-    }
-  }
-}
-Connections: {
-  C: "OO",10,0
-  C: "OO",11,10
-  C: "OO",21,20
-  C: "OO",31,30
-  C: "OO",40,31
-  C: "OP",40,10,"Lcl Rotation"
-  C: "OP",41,40,"d|X"
-}
-"""
+FBX = Path(__file__).with_name("euler_curves.fbx").read_text()
 
 
 def test_an_fbx_of_euler_curves_turns_as_they_say(tmp_path: Path) -> None:

@@ -89,9 +89,8 @@ def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_pa
     names = tuple("tail" if "Leg" in name else f"m{k}" for k, name in enumerate(SPORT_SKELETON.names))
     path = tmp_path / "worm.bvh"
     skeleton = Skeleton(names, (-1, *range(30)), np.tile(np.float32([0, 0, 0.1]), (31, 1)))
-    path.write_text(
-        format_bvh(skeleton, {0: np.zeros((2, 3))}, rotations.identity((2, 31)), 60.0), encoding="utf-8"
-    )
+    text = format_bvh(skeleton, {0: np.zeros((2, 3))}, rotations.identity((2, 31)), 60.0)
+    path.write_text(text, encoding="utf-8")
     app.open_files([path])
     run(app, 2)
     assert "cannot be played as reference" in message(app)

@@ -51,13 +51,14 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         for name in ("HOME", "USERPROFILE"):
             patch.setenv(name, str(folder))
-        for name in (
+        folders = (
             "XDG_CONFIG_HOME",
             "XDG_CACHE_HOME",
             "XDG_STATE_HOME",
             "SPORT_CONFIG_DIR",
             "SPORT_CACHE_DIR",
-        ):
+        )
+        for name in folders:
             patch.delenv(name, raising=False)
         yield folder
 

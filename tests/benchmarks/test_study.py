@@ -39,10 +39,8 @@ def synthetic(folder: Path, key: dict[str, Any], ratings: np.ndarray) -> list[Pa
     """Answer files of participants: `ratings` `(P, M)` of every film of a method, plus what the title adds."""
     paths = []
     for number, row in enumerate(ratings):
-        answers = [
-            {"clip": clip, "rating": int(row[METHODS.index(about["method"])]), "again": False, "seconds": 3}
-            for clip, about in key["clips"].items()
-        ]
+        at = {clip: METHODS.index(about["method"]) for clip, about in key["clips"].items()}
+        answers = [{"clip": c, "rating": int(row[at[c]]), "again": False, "seconds": 3} for c in key["clips"]]
         content = {
             "format": "sport-study-answers", "study": key["study"], "participant": f"{number:04x}", "synthetic": True,
             "answers": answers,
@@ -52,9 +50,7 @@ def synthetic(folder: Path, key: dict[str, Any], ratings: np.ndarray) -> list[Pa
     return paths
 
 
-# --- the page ---------------------------------------------------------------------------------------------------------
-
-
+# --- the page
 def test_the_page_tells_no_method_and_needs_no_network(tmp_path: Path) -> None:
     key = study(tmp_path)
     page = (tmp_path / make.PAGE).read_text(encoding="utf-8")
@@ -76,8 +72,7 @@ def test_a_study_needs_two_methods_and_a_new_folder(tmp_path: Path) -> None:
         make.make(tmp_path, {"ours": tmp_path, "rival": tmp_path}, None, 5.0)
 
 
-# --- the report -------------------------------------------------------------------------------------------------------
-
+# --- the report
 RATINGS = np.array([[4, 3, 5], [3, 2, 5], [4, 2, 4], [5, 3, 5], [3, 3, 4], [4, 1, 5]])
 
 
@@ -118,9 +113,8 @@ def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert text.startswith("**Synthetic answers")
     assert "| ours | 24 | 0.0 % | 0.0 % | 33.3 % | 50.0 % | 16.7 % | 3.83 ± 0.70 |" in text
     assert "Tukey HSD, ours − capture" in text
-    assert all(
-        (tmp_path / "figures" / f"fig1{n}.png").stat().st_size > 5000 for n in ("0_responses", "1_means")
-    )
+    sizes = [(tmp_path / "figures" / f"fig1{n}.png").stat().st_size for n in ("0_responses", "1_means")]
+    assert min(sizes) > 5000
 
 
 def test_damaged_and_foreign_answers_are_named(tmp_path: Path) -> None:
@@ -194,18 +188,14 @@ def test_the_later_answer_to_a_film_shown_again_counts(tmp_path: Path) -> None:
     file.write_text(json.dumps(content), encoding="utf-8")
     answers = read_answers([file], tmp_path / make.KEY, synthetic=True)
     assert sorted(answers.rating[answers.method == "capture"]) == [4, 5, 5, 5]
-    assert "; 1 films of capture were rated 2 or less and shown again, 0 of them rated so again." in markdown(
-        answers
-    )
+    told = "; 1 films of capture were rated 2 or less and shown again, 0 of them rated so again."
+    assert told in markdown(answers)
 
 
-# --- in a browser -----------------------------------------------------------------------------------------------------
-
-
+# --- in a browser
 def shown(window: Any) -> dict[str, Any]:
-    return window.execute_script(
-        "return {...state.queue[state.at], at: state.at, length: state.queue.length}"
-    )
+    queue = "{...state.queue[state.at], at: state.at, length: state.queue.length}"
+    return window.execute_script(f"return {queue}")
 
 
 def reopened(window: Any, at: int) -> dict[str, Any]:
@@ -220,9 +210,8 @@ def reopened(window: Any, at: int) -> dict[str, Any]:
 
 def downloaded(window: Any, folder: Path) -> Path:
     """The answers behind the link, written as the browser would save them."""
-    text = window.execute_async_script(
-        "const done = arguments[0]; fetch(document.getElementById('download').href).then(r => r.text()).then(done)"
-    )
+    fetched = "fetch(document.getElementById('download').href).then(r => r.text()).then(arguments[0])"
+    text = window.execute_async_script(fetched)
     path = folder / window.find_element("id", "download").get_attribute("download")
     content = json.loads(text)
     assert content["synthetic"] is False  # what a page writes is somebody's answer; this one is the test's

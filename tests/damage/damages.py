@@ -30,9 +30,8 @@ def seed_session(folder: Path) -> Path:
     session = Session()
     steps = []
     for frames, name in zip(FRAMES, NAMES, strict=True):
-        take = Take(
-            motion=Motion.of(still(frames, f"motion of {frames}", frames)), name=name, note=f"{name}!"
-        )
+        motion = Motion.of(still(frames, f"motion of {frames}", frames))
+        take = Take(motion=motion, name=name, note=f"{name}!")
         session = edits.with_new_take(session, take)
         steps.append(session)
     steps.append(edits.trimmed(session, 2, 10, 300))
@@ -41,8 +40,6 @@ def seed_session(folder: Path) -> Path:
 
 
 # --- damages: each changes the bytes of a file
-
-
 def wrong_bits(rng: random.Random, path: Path) -> None:
     data = bytearray(path.read_bytes())
     for _ in range(rng.choice((1, 1, 1, 1, 2, 8))):
@@ -54,12 +51,8 @@ def page(rng: random.Random, path: Path) -> None:
     """A page of zeros, of ones, of noise, or of another place."""
     data = bytearray(path.read_bytes())
     at, other = (PAGE_BYTES * rng.randrange(len(data) // PAGE_BYTES) for _ in range(2))
-    content = (
-        bytes(PAGE_BYTES),
-        b"\xff" * PAGE_BYTES,
-        rng.randbytes(PAGE_BYTES),
-        bytes(data[other : other + PAGE_BYTES]),
-    )
+    copied = bytes(data[other : other + PAGE_BYTES])
+    content = (bytes(PAGE_BYTES), b"\xff" * PAGE_BYTES, rng.randbytes(PAGE_BYTES), copied)
     data[at : at + PAGE_BYTES] = rng.choice(content)
     path.write_bytes(data)
 
@@ -102,9 +95,8 @@ def _emptied(rng: random.Random, connection: sqlite3.Connection) -> None:
 
 def _without_a_row(rng: random.Random, connection: sqlite3.Connection) -> None:
     table = rng.choice(["steps", "meta", "motions", "blobs", "frames"])
-    connection.execute(
-        f"DELETE FROM {table} WHERE rowid = (SELECT rowid FROM {table} ORDER BY random() LIMIT 1)"
-    )
+    row = f"SELECT rowid FROM {table} ORDER BY random() LIMIT 1"
+    connection.execute(f"DELETE FROM {table} WHERE rowid = ({row})")
 
 
 def _swapped_pieces(rng: random.Random, connection: sqlite3.Connection) -> None:
@@ -117,23 +109,13 @@ def _swapped_pieces(rng: random.Random, connection: sqlite3.Connection) -> None:
 
 
 def _other_text(rng: random.Random, connection: sqlite3.Connection) -> None:
-    table, column = rng.choice(
-        [
-            ("steps", "label"),
-            ("steps", "document"),
-            ("motions", "header"),
-            ("meta", "value"),
-            ("motions", "key"),
-            ("blobs", "key"),
-        ]
-    )
+    places = "steps.label steps.document motions.header meta.value motions.key blobs.key"
+    table, column = rng.choice(places.split(" ")).split(".")
     rows = connection.execute(f"SELECT rowid, {column} FROM {table}").fetchall()
     number, text = rng.choice([row for row in rows if isinstance(row[1], str) and row[1]])
     at = rng.randrange(len(text))
-    connection.execute(
-        f"UPDATE OR IGNORE {table} SET {column} = ? WHERE rowid = ?",
-        (text[:at] + chr(rng.randrange(97, 123)) + text[at + 1 :], number),
-    )
+    text = text[:at] + chr(rng.randrange(97, 123)) + text[at + 1 :]
+    connection.execute(f"UPDATE OR IGNORE {table} SET {column} = ? WHERE rowid = ?", (text, number))
 
 
 DAMAGES: dict[str, Callable[[random.Random, Path], None]] = {
@@ -150,8 +132,6 @@ DAMAGES: dict[str, Callable[[random.Random, Path], None]] = {
 
 
 # --- what must hold
-
-
 @dataclass
 class Known:
     """What the seed holds: clips by their keys, and all texts."""
@@ -170,9 +150,7 @@ class Known:
 
 
 def _texts(label: str, session: Session) -> set[str]:
-    takes = [
-        (take.name, take.note, take.made.header.name, take.made.header.terrain) for take in session.takes
-    ]
+    takes = [(t.name, t.note, t.made.header.name, t.made.header.terrain) for t in session.takes]
     return {label, *(text for take in takes for text in take)}
 
 
@@ -208,9 +186,8 @@ def check(path: Path, known: Known) -> str:
             for text in _texts(step.label, step.session) - allowed:
                 problem = problem if text.startswith("recovery of ") else f"another text {text!r}"
         present = {take.made.key for take in history.present.session.takes}
-        if not problem and not wanted <= present | {
-            take.made.key for s in history.steps for take in s.session.takes
-        }:
+        listed = {take.made.key for s in history.steps for take in s.session.takes}
+        if not problem and not wanted <= present | listed:
             problem = "a take is not in the list"
         if file.database.repaired and not any(f.read_bytes() == before for f in kept_aside(path)):
             problem = problem or "the damaged file is not kept"
@@ -229,10 +206,8 @@ def _compared(
         for (motion, first), count in pieces.items():
             if motion == key:
                 had = clip.hips_positions[first : first + count], clip.local_rotations[first : first + count]
-                same = (
-                    known.clips[key].hips_positions[first : first + count],
-                    known.clips[key].local_rotations[first : first + count],
-                )
+                seed, part = known.clips[key], slice(first, first + count)
+                same = seed.hips_positions[part], seed.local_rotations[part]
                 if not all(np.array_equal(a, b) for a, b in zip(had, same, strict=True)):
                     return f"frames from {first} on are others"
     return ""

@@ -54,11 +54,8 @@ def _record(run: Run, frames: int = 270) -> None:
     recording = run.file.begin_recording(MotionHeader("Take 1", 60.0, 0, has_gaits=True))
     clip = still(frames, "x")
     table = np.zeros((frames, FRAME_NUMBERS), np.float32)
-    table[:, :3], table[:, 3:-5], table[:, -5:-1] = (
-        clip.hips_positions,
-        clip.local_rotations.reshape(frames, -1),
-        clip.contacts,
-    )
+    table[:, :3], table[:, -5:-1] = clip.hips_positions, clip.contacts
+    table[:, 3:-5] = clip.local_rotations.reshape(frames, -1)
     for at in range(0, frames, 10):
         recording.add(table[at : at + 10], None)
 
@@ -120,9 +117,8 @@ def killed(file: SessionFile) -> None:
     """With what was on disk, log included, and the lock that no process holds."""
     assert file.flush(20.0)
     path = file.path
-    kept = [
-        (each, each.with_name(f"{each.name}.kept")) for each in (path, side_files(path)[0]) if each.exists()
-    ]
+    files = [each for each in (path, side_files(path)[0]) if each.exists()]
+    kept = [(each, each.with_name(f"{each.name}.kept")) for each in files]
     for each, copy in kept:
         shutil.copyfile(each, copy)
     file.close()
@@ -138,11 +134,8 @@ def cut(file: SessionFile) -> None:
 
 
 ENDS: dict[str, Callable[[SessionFile], None]] = {"closed": closed, "killed": killed, "cut short": cut}
-KINDS = [
-    *((done, end) for done in DONE for end in ("closed", "killed")),
-    ("a take", "cut short"),
-    ("a first recording", "cut short"),
-]
+KINDS = [*((done, end) for done in DONE for end in ("closed", "killed"))]
+KINDS += [("a take", "cut short"), ("a first recording", "cut short")]
 
 
 def offered(done: str, end: str, folder: Path, empty_runs: int = 11) -> bool:
@@ -171,9 +164,8 @@ def main() -> int:
             found = offered(done, end, Path(folder))
         right = found is DONE[done][1]
         wrong += not right
-        print(
-            f"{done}, {end}: {'offered' if found else 'not offered'}{'' if right else ', wrong'}", flush=True
-        )
+        said = f"{'offered' if found else 'not offered'}{'' if right else ', wrong'}"
+        print(f"{done}, {end}: {said}", flush=True)
     print(f"{len(KINDS)} kinds of ends, {wrong} wrong")
     return int(bool(wrong))
 

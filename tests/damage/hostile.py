@@ -48,18 +48,13 @@ def make(folder: Path, foreign: Path, count: int, first: int) -> None:
         names = named(foreign)
         film, ground, character, model, terrain = (rng.choice(names) for _ in range(5))
         link = path.parent / "inside.mp4"
-        session = edits.with_new_take(
-            Session(), Take(motion=Motion.of(replace(still(30, "x"), terrain=terrain)))
-        )
+        motion = Motion.of(replace(still(30, "x"), terrain=terrain))
+        session = edits.with_new_take(Session(), Take(motion=motion))
+        choice, video = CharacterChoice(path=character), str(link) if number % 10 == 0 else film
         session = replace(
-            session,
-            reference=Reference(
-                video=str(link) if number % 10 == 0 else film, character=CharacterChoice(path=character)
-            ),
-            ground=Ground.of(ground, Terrain.flat()),
-            character=CharacterChoice(path=character),
-            model=ModelName(model, "mine", rng.choice(["ab" * 32, "0" * 64]), 1),
-        )
+            session, reference=Reference(video=video, character=choice), ground=Ground.of(ground, Terrain.flat()),
+            character=choice, model=ModelName(model, "mine", rng.choice(["ab" * 32, "0" * 64]), 1),
+        )  # fmt: skip
         written(path, history_of(session), path.parent)
         link.symlink_to(foreign / "a.mp4")
         _plant(rng, path, foreign)

@@ -29,9 +29,8 @@ def session_of(name: str, cache: Path, source: Path) -> Session:
     kept = write_character_files(read_character_files(source / f"{name}.glb"), cache)
     choice = CharacterChoice(path=str(source / f"{name}.glb"), key=kept.relative_to(cache).as_posix())
     session = edits.with_new_take(Session(), Take(motion=Motion.of(still(30, name)), name=name, note=name))
-    return replace(
-        session, character=choice, reference=Reference(video=f"/films/{name}.mp4", character=choice)
-    )
+    film = Reference(video=f"/films/{name}.mp4", character=choice)
+    return replace(session, character=choice, reference=film)
 
 
 def lost(name: str, folder: Path, openings: int = OPENINGS) -> str:
@@ -68,11 +67,8 @@ def _missing(file: SessionFile, history: History, wanted: Session) -> str:
     if now.reference != wanted.reference:
         return "the film is lost"
     take, before = now.takes[0], wanted.takes[0]
-    same = (take.title, take.note, take.made.clip.name) == (
-        before.title,
-        before.note,
-        before.made.header.name,
-    )
+    was = (before.title, before.note, before.made.header.name)
+    same = (take.title, take.note, take.made.clip.name) == was
     return "" if same and len(take.made.clip) == 30 else "the take is lost"
 
 

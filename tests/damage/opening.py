@@ -63,9 +63,8 @@ def in_window(path: Path) -> tuple[list[float], str]:
             return last - begun
 
         def answered() -> bool:
-            return app.editor.session is not before or any(
-                path.name in message.text and "Reading" not in message.text for message in app.messages.recent
-            )
+            said = [message.text for message in app.messages.recent if "Reading" not in message.text]
+            return app.editor.session is not before or any(path.name in text for text in said)
 
         app.sessions.open(path)
         times = [until(answered)]

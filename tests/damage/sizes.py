@@ -43,9 +43,8 @@ def walk(frames: int, seed: int = 0) -> Clip:
     half += rng.normal(0.0, 2e-4, half.shape)
     turns[..., 0], turns[..., 1] = np.cos(half), np.sin(half)
     hips = np.column_stack([np.zeros(frames), np.full(frames, REST_HIPS_HEIGHT), 1.3 * at]).astype(np.float32)
-    return Clip(
-        f"walk {seed}", 60.0, hips, turns, np.ones((frames, 4), np.float32), gaits=np.zeros(frames, np.int8)
-    )
+    contacts, gaits = np.ones((frames, 4), np.float32), np.zeros(frames, np.int8)
+    return Clip(f"walk {seed}", 60.0, hips, turns, contacts, gaits=gaits)
 
 
 def session_of(path: Path, *clips: Clip, poses: PoseEdits | None = None) -> Path:
@@ -76,16 +75,13 @@ def zeros(path: Path, frames: int = 200_000, piece: int = 300) -> Path:
 def _zeros(connection: sqlite3.Connection, frames: int, piece: int) -> None:
     key, header = connection.execute("SELECT key, header FROM motions").fetchone()
     connection.execute("DELETE FROM frames")
-    connection.execute(
-        "UPDATE motions SET header = ?", (json.dumps(json.loads(header) | {"frames": frames}),)
-    )
+    longer = json.dumps(json.loads(header) | {"frames": frames})
+    connection.execute("UPDATE motions SET header = ?", (longer,))
     packed = {n: zlib.compress(bytes(PACKED_FRAME_BYTES * n)) for n in {piece, frames % piece or piece}}
     for first in range(0, frames, piece):
         count = min(piece, frames - first)
-        connection.execute(
-            "INSERT INTO frames VALUES (?, ?, ?, ?, ?, 0)",
-            (key, first, count, PACKED_FRAME_BYTES * count, packed[count]),
-        )
+        row = (key, first, count, PACKED_FRAME_BYTES * count, packed[count])
+        connection.execute("INSERT INTO frames VALUES (?, ?, ?, ?, ?, 0)", row)
 
 
 def one_frame_pieces(path: Path) -> Path:
@@ -156,9 +152,8 @@ def unnamed_motions(path: Path, count: int = 60_000) -> Path:
         for n in range(count):
             row = sealed("motions", (n + 5, f"{n:032x}", header))
             connection.execute("INSERT INTO motions VALUES (?, ?, ?, ?)", row)
-            connection.execute(
-                "INSERT INTO frames VALUES (?, 0, 2, ?, ?, 0)", (f"{n:032x}", 2 * PACKED_FRAME_BYTES, frames)
-            )
+            row = (f"{n:032x}", 2 * PACKED_FRAME_BYTES, frames)
+            connection.execute("INSERT INTO frames VALUES (?, 0, 2, ?, ?, 0)", row)
 
     _change(path, change)
     return path

@@ -30,10 +30,8 @@ def main() -> int:
         bad += len(problems)
         codes = ", ".join(map(str, sorted({outcome.code for outcome in outcomes})))
         worst = max(outcome.lost_s for outcome in outcomes)
-        print(
-            f"| {name} | {len(outcomes)} | {worst:.2f} | {codes} | {outcomes[0].where} | {len(problems)} |",
-            flush=True,
-        )
+        counts = f"{worst:.2f} | {codes} | {outcomes[0].where} | {len(problems)}"
+        print(f"| {name} | {len(outcomes)} | {counts} |", flush=True)
         for problem in problems:
             print(f"{name}: {problem}", file=sys.stderr)
     return int(bad > 0)

@@ -42,13 +42,9 @@ class Recorder:
         self.config, self.temporary = folder / "config", folder / "temporary"
         self.temporary.mkdir(parents=True, exist_ok=True)
         command = [sys.executable, str(RECORDER), str(self.config), *options]
-        self.process = subprocess.Popen(
-            command,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "TMPDIR": str(self.temporary), **(env or {})},
-        )
+        environment = {**os.environ, "TMPDIR": str(self.temporary), **(env or {})}
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        self.process = subprocess.Popen(command, env=environment, **pipes)  # type: ignore[call-overload]
         self.frames, self.said, self.stuck = 0, "", False
         self._readers = [threading.Thread(target=read, daemon=True) for read in (self._count, self._listen)]
         for reader in self._readers:
@@ -103,9 +99,8 @@ def takes_in(folder: Path, problems: list[str]) -> list[list[Take]]:
             file, history = SessionFile.open(path, folder / "characters")
             takes = list(history.present.session.takes)
             for take in takes:
-                if len(take.made.clip) != take.frames or (
-                    take.made.header.resimulable and take.made.inputs is None
-                ):
+                header = take.made.header
+                if len(take.made.clip) != take.frames or (header.resimulable and take.made.inputs is None):
                     problems.append(f"{path.name}: {take.title} is not whole")
                 if not take.made.header.resimulable:
                     problems.append(f"{path.name}: {take.title} cannot be resimulated")

@@ -46,15 +46,13 @@ def one(ending: str, disk: Path, copied: Path) -> int:
     ]  # fmt: skip
     whole = sum(not line["said"] for line in found)
     crashed = len(found) < 2 * len(ROOM_KB)
-    print(
-        f"| {ending} | {len(found)} | {whole} | {len(found) - whole} | {len(wrong) + crashed} |", flush=True
-    )
+    counts = f"{len(found)} | {whole} | {len(found) - whole} | {len(wrong) + crashed}"
+    print(f"| {ending} | {counts} |", flush=True)
     for line in wrong[:40]:
         print(f"{ending}: {line}", file=sys.stderr)
     if crashed:
-        print(
-            f"{ending}: ended with {done.returncode} at {lines[-1:]}: {done.stderr[-600:]}", file=sys.stderr
-        )
+        at = f"{lines[-1:]}: {done.stderr[-600:]}"
+        print(f"{ending}: ended with {done.returncode} at {at}", file=sys.stderr)
     elif done.stderr:
         print(f"{ending}: {done.stderr[-300:]}", file=sys.stderr)
     return len(wrong) + crashed

@@ -84,9 +84,8 @@ def main(ending: str, disk: Path, copied: Path) -> None:
             after = sorted(path.name for path in disk.iterdir())
             kept = not old or (target.is_file() and (target.read_bytes() == OLD or not said))
             left = sorted(set(after) - set(before)) if said else []
-            print(
-                json.dumps({"kb": room_kb, "old": old, "said": said, "left": left, "kept": kept}), flush=True
-            )
+            row = {"kb": room_kb, "old": old, "said": said, "left": left, "kept": kept}
+            print(json.dumps(row), flush=True)
 
 
 def fill(disk: Path, room_kb: int) -> None:

@@ -41,22 +41,14 @@ def clip(frames: int = 4) -> Clip:
     local = rng.normal(size=(frames, 31, 4))
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
     hips = np.tile(np.array([0, REST_HIPS_HEIGHT, 0]), (frames, 1))
-    return Clip(
-        "take",
-        60.0,
-        hips.astype(np.float32),
-        local.astype(np.float32),
-        np.zeros((frames, 4), np.float32),
-        (PromptEvent(0.0, "a proud walk"), PromptEvent(0.05, "drunk", 1.0)),
-        "hills",
-        Origin("tiny", "ab" * 32, "fp32", 3, 0.7, 1.0, 0),
-        (("walk", 2.0), ("stand", 1.0)),
-    )
+    contacts, gaits = np.zeros((frames, 4), np.float32), (("walk", 2.0), ("stand", 1.0))
+    prompts = (PromptEvent(0.0, "a proud walk"), PromptEvent(0.05, "drunk", 1.0))
+    origin = Origin("tiny", "ab" * 32, "fp32", 3, 0.7, 1.0, 0)
+    hips, local = hips.astype(np.float32), local.astype(np.float32)
+    return Clip("take", 60.0, hips, local, contacts, prompts, "hills", origin, gaits)
 
 
 # --- motion
-
-
 def _bvh_seeds(folder: Path) -> list[bytes]:
     ours = save_bvh(clip(), folder / "seed.bvh").read_bytes()
     take = clip(2)
@@ -114,10 +106,8 @@ def keys_glb() -> bytes:
     cubic = np.array([[0, 0, 0], [0, 0, 0], [3, 0, 0], [0, 0, 0], [3, 0, 0], [0, 0, 0]], "<f4")
     step = np.array([[0, 0, 0, 1], [0, 1, 0, 0]], "<f4")
     blob = np.array([0.0, 1.0], "<f4").tobytes() + cubic.tobytes() + step.tobytes()
-    accessors = [
-        {"bufferView": k, "componentType": 5126, "count": count, "type": kind}
-        for k, (count, kind) in enumerate(((2, "SCALAR"), (6, "VEC3"), (2, "VEC4")))
-    ]
+    kinds = enumerate(((2, "SCALAR"), (6, "VEC3"), (2, "VEC4")))
+    accessors = [{"bufferView": k, "componentType": 5126, "count": n, "type": kind} for k, (n, kind) in kinds]
     kinds, paths = ("CUBICSPLINE", "STEP"), ("translation", "rotation")
     document = {
         "asset": {"version": "2.0"}, "nodes": [{"name": "Hips"}], "scenes": [{"nodes": [0]}],
@@ -154,8 +144,6 @@ def _read_motion(folder: Path, data: bytes) -> None:
 
 
 # --- characters
-
-
 def _glb_seeds(_folder: Path) -> list[bytes]:
     image = base64.b64encode(_image("PNG")).decode()
     return [character_glb(), textured({"uri": f"data:image/png;base64,{image}"})]
@@ -169,9 +157,8 @@ def _gltf_seeds(_folder: Path) -> list[bytes]:
 
 def _form(*names: str) -> Callable[[Path], list[bytes]]:
     """Characters in forms that native libraries decode."""
-    return lambda _: [
-        (PROJECT_ROOT / f"tests/runtime/character/characters/box_man{name}").read_bytes() for name in names
-    ]
+    folder = PROJECT_ROOT / "tests/runtime/character/characters"
+    return lambda _: [(folder / f"box_man{name}").read_bytes() for name in names]
 
 
 def _read_fbx(folder: Path, data: bytes) -> None:
@@ -217,8 +204,6 @@ def _map_seeds(_folder: Path) -> list[bytes]:
 
 
 # --- grounds
-
-
 def _ground(suffix: str, data: bytes, folder: Path) -> None:
     terrain = read_terrain(put(folder, f"input{suffix}", data))
     assert np.abs(terrain.heights).max() <= MAX_HEIGHT_M
@@ -255,13 +240,13 @@ def _mesh_seeds(kind: str):
     def seeds(_folder: Path) -> list[bytes]:
         import trimesh
 
-        mesh = trimesh.Trimesh(
-            [[0, 0, 0], [3, 0.1, 0], [3, 0.2, 3], [0, 0, 3]], [[0, 2, 1], [0, 3, 2]], process=False
-        )
+        corners = [[0, 0, 0], [3, 0.1, 0], [3, 0.2, 3], [0, 0, 3]]
+        mesh = trimesh.Trimesh(corners, [[0, 2, 1], [0, 3, 2]], process=False)
         if kind == "obj":
-            return [
+            text = (
                 b"v 0 0 0\nv 3 0 0\nv 3 0.5 3\nv 0 0 3\nvt 0 0\nmtllib a.mtl\nf 1/1 2/1 3/1 4/1\nf -1 -2 -3\n"
-            ]
+            )
+            return [text]
         if kind == "ply":
             return [mesh.export(file_type="ply", encoding=e) for e in ("ascii", "binary")]
         if kind == "stl":
@@ -307,9 +292,8 @@ def _meshopt_json(rng, data: bytes) -> bytes:
     views = [view for view in document["bufferViews"] if "extensions" in view]
     for view in rng.sample(views, rng.choice((1, 1, 2, len(views)))):
         (packed,) = view["extensions"].values()
-        for field in rng.sample(
-            ("mode", "filter", "byteStride", "count", "byteLength", "byteOffset"), rng.choice((1, 1, 2, 3))
-        ):
+        fields = ("mode", "filter", "byteStride", "count", "byteLength", "byteOffset")
+        for field in rng.sample(fields, rng.choice((1, 1, 2, 3))):
             near = packed.get(field, 0) + rng.choice((-4, -1, 1, 4)) if field not in KINDS else None
             packed[field] = rng.choice(KINDS.get(field, (*NUMBERS, near)))
         if rng.random() < 0.7 and all(type(packed[name]) is int for name in ("count", "byteStride")):

@@ -72,12 +72,8 @@ def _read_sidecar(folder: Path, data: bytes) -> None:
 
 
 def _glb_seeds(_folder: Path) -> list[bytes]:
-    take = {
-        "fps": 60.0,
-        "frames": 4,
-        "markers": [{"name": "a proud walk", "frame": 0}],
-        "ground": "hills.obj",
-    }
+    markers = [{"name": "a proud walk", "frame": 0}]
+    take = {"fps": 60.0, "frames": 4, "markers": markers, "ground": "hills.obj"}
     text = json.dumps({"asset": {"version": "2.0"}, "animations": [{"extras": {"sport": take}}]}).encode()
     text += b" " * (-len(text) % 4)
     sizes = [0x46546C67, 2, 20 + len(text), len(text), 0x4E4F534A]
@@ -90,8 +86,6 @@ def _read_glb(folder: Path, data: bytes) -> None:
 
 
 # --- answers of a study
-
-
 @cache
 def _study(folder: Path) -> tuple[Path, list[Path]]:
     """Its key, and the answers of three participants."""

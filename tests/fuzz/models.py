@@ -102,8 +102,6 @@ def _read_encoder(folder: Path, data: bytes) -> None:
 
 
 # --- an endpoint
-
-
 class _Endpoint:
     """A server on loopback that answers every request with the same bytes and hangs up."""
 
@@ -136,9 +134,8 @@ def _server() -> tuple[_Endpoint, Any]:
     from runtime.prompts.gpt.settings import GptSettings, Secret
 
     endpoint = _Endpoint()
-    settings = GptSettings(
-        Secret("key"), f"http://127.0.0.1:{endpoint.port}/v1", timeout_s=2.0, deadline_s=2.0, attempts=1
-    )
+    url, limits = f"http://127.0.0.1:{endpoint.port}/v1", {"timeout_s": 2.0, "deadline_s": 2.0}
+    settings = GptSettings(Secret("key"), url, attempts=1, **limits)
     return endpoint, ChatClient(settings)
 
 

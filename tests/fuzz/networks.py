@@ -41,19 +41,12 @@ def write_model(folder: Path) -> Path:
     """A model folder in `folder` that stands still, with its text encoder in the folder of that."""
     metadata = json.loads(asset_path("models/compact/metadata.json").read_text("utf-8"))
     real, start = TensorProto.FLOAT, np.array(metadata["start"]["output"], np.float32)
-    folded: dict[str, tuple[np.ndarray, list[int | str]]] = {
-        "front_bias": (np.zeros((6, 4)), [6, 4]),
-        "content_weight": (np.zeros((6, 4)), [6, 4]),
-        "content_bias": (np.zeros((6, 4)), [6, 4]),
-    }
-    seen: dict[str, tuple[int, list[int | str]]] = {
-        "x": (real, ["batch", 472]),
-        "noise": (real, ["batch", 5, 8, 473]),
-    }
-    shown: dict[str, tuple[np.ndarray, list[int | str]]] = {
-        "y": (start[None], ["batch", 473]),
-        "alpha": (np.full((1, 8), 0.125), ["batch", 8]),
-    }
+    biases = dict.fromkeys(("front_bias", "content_weight", "content_bias"), (np.zeros((6, 4)), [6, 4]))
+    folded: dict[str, tuple[np.ndarray, list[int | str]]] = dict(biases)
+    seen: dict[str, tuple[int, list[int | str]]]
+    seen = {"x": (real, ["batch", 472]), "noise": (real, ["batch", 5, 8, 473])}
+    shown: dict[str, tuple[np.ndarray, list[int | str]]]
+    shown = {"y": (start[None], ["batch", 473]), "alpha": (np.full((1, 8), 0.125), ["batch", 8])}
     words = {"embeddings": (real, ["batch", 6, DIMENSIONS])}
     graphs = {
         "prompt": _graph(words, {"z": (np.zeros((1, 6, 64)), ["batch", 6, 64])}, "embeddings"),
@@ -63,13 +56,9 @@ def write_model(folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in graphs.items():
         (folder / f"{name}.onnx").write_bytes(data)
-    metadata |= {
-        "name": "tiny",
-        "sha256": {name: hashlib.sha256(data).hexdigest() for name, data in graphs.items()},
-        "text_encoder": {"name": "tiny", "dimensions": DIMENSIONS},
-        "quantised": {},
-        "notes": {},
-    }
+    hashes = {name: hashlib.sha256(data).hexdigest() for name, data in graphs.items()}
+    metadata |= {"name": "tiny", "sha256": hashes, "quantised": {}, "notes": {}}
+    metadata["text_encoder"] = {"name": "tiny", "dimensions": DIMENSIONS}
     (folder / "metadata.json").write_text(json.dumps(metadata), encoding="utf-8")
     write_text_encoder(folder / "text_encoder")
     return folder
@@ -84,20 +73,15 @@ def write_text_encoder(folder: Path, unigram: bool = False) -> Path:
     tokenizer = Tokenizer(models.WordLevel({word: i for i, word in enumerate(words)}, unk_token="[UNK]"))
     tokenizer.pre_tokenizer = pre_tokenizers.Whitespace()
     if unigram:
-        pieces = [(f"\u2581{word}", -1.0 - k / 10) for k, word in enumerate(words)] + [
-            ("é", -4.0),
-            ("a", -5.0),
-        ]
+        pieces = [(f"\u2581{word}", -1.0 - k / 10) for k, word in enumerate(words)]
+        pieces += [("é", -4.0), ("a", -5.0)]
         tokenizer = Tokenizer(models.Unigram([("<unk>", 0.0), *pieces], unk_id=0, byte_fallback=False))
         tokenizer.normalizer = normalizers.NFKC()
         tokenizer.pre_tokenizer = pre_tokenizers.Metaspace()
     (folder / "tokenizer.json").write_text(tokenizer.to_str(), encoding="utf-8")
     ids = (TensorProto.INT64, ["batch", "length"])
-    graph = _graph(
-        {"input_ids": ids, "attention_mask": ids},
-        {"embeddings": (np.full((1, DIMENSIONS), DIMENSIONS**-0.5), ["batch", DIMENSIONS])},
-        "input_ids",
-    )
+    embeddings = (np.full((1, DIMENSIONS), DIMENSIONS**-0.5), ["batch", DIMENSIONS])
+    graph = _graph({"input_ids": ids, "attention_mask": ids}, {"embeddings": embeddings}, "input_ids")
     (folder / "tiny.onnx").write_bytes(graph)
     values = {"name": "tiny", "dimensions": DIMENSIONS, "max_tokens": 16, "graph": "tiny.onnx"}
     (folder / "text_encoder.json").write_text(json.dumps(values), encoding="utf-8")

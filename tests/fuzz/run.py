@@ -21,17 +21,8 @@ from runtime.errors import SportError
 from . import files, lists, models, sessions, window, words
 from .target import Target
 
-TARGETS = {
-    target.name: target
-    for target in (
-        *files.TARGETS,
-        *words.TARGETS,
-        *models.TARGETS,
-        *sessions.TARGETS,
-        *lists.TARGETS,
-        *window.TARGETS,
-    )
-}
+_ROOMS = (files, words, models, sessions, lists, window)
+TARGETS = {target.name: target for room in _ROOMS for target in room.TARGETS}
 MAX_MB = 500.0
 HUNG_SECONDS = 30  # by the clock; and no less than 15 for each second that a target may take
 MAX_INPUT_BYTES = 4_000_000  # damage repeats damage; large files are tests of their own
@@ -120,9 +111,8 @@ def _run(target: Target, folder: Path, first: int, count: int, before: Path | No
             problem = _sentence(error)
         except (Exception, HungError) as error:
             where = traceback.extract_tb(error.__traceback__)[-1]
-            problem = (
-                f"{type(error).__name__} at {Path(where.filename).name}:{where.lineno}: {str(error)[:200]}"
-            )
+            at = f"{Path(where.filename).name}:{where.lineno}"
+            problem = f"{type(error).__name__} at {at}: {str(error)[:200]}"
         taken, grown = time.thread_time() - started, _peak() - held
         if measured and taken > target.seconds:
             problem = problem or f"{taken:.1f} s"

@@ -58,8 +58,6 @@ def _state_seeds(_folder: Path) -> list[bytes]:
 
 
 # --- damage
-
-
 def _in_rows(change: Callable[[random.Random, sqlite3.Connection], None]):
     """Damage to the rows of a database, whose pages are whole then; sometimes to all bytes."""
 
@@ -118,9 +116,8 @@ def _values(rng: random.Random, connection: sqlite3.Connection) -> None:
     at, content = rng.choice(rows)
     plain = zlib.decompress(content)
     made = _state(rng, plain) if plain[:2] == b"PK" else _flipped(rng, plain)
-    connection.execute(
-        f"UPDATE {table} SET size = ?, content = ? WHERE {key} = ?", (len(made), zlib.compress(made, 1), at)
-    )
+    values = (len(made), zlib.compress(made, 1), at)
+    connection.execute(f"UPDATE {table} SET size = ?, content = ? WHERE {key} = ?", values)
 
 
 def _edit(
@@ -168,8 +165,6 @@ def _flipped(rng: random.Random, data: bytes) -> bytes:
 
 
 # --- reading
-
-
 def _opened(folder: Path, data: bytes) -> tuple[SessionFile, History]:
     for left in folder.glob("input.sport-*"):
         left.unlink()

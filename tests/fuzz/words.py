@@ -86,9 +86,8 @@ def _sticks(rng: random.Random, data: bytes) -> bytes:
         text = rng.choice(("walk", "jog", "Crouch", "stand", "jump"))
         if text not in ("stand", "jump") or rng.random() < 0.02:
             text += rng.choice(("", f"@{rng.uniform(-720, 720):.3f}"))
-            text += rng.choice(("", f"*{rng.random():.2f}")) + rng.choice(
-                ("", f">{rng.randrange(-400, 400)}")
-            )
+            text += rng.choice(("", f"*{rng.random():.2f}"))
+            text += rng.choice(("", f">{rng.randrange(-400, 400)}"))
         segments.append(f"{text} {rng.choice((0.001, 0.1, 2, 3600, 86400))}")
     script = "; ".join(segments).encode()
     return script if rng.random() < 0.5 else damaged_text(rng, rng.choice((script, data)))
@@ -107,8 +106,6 @@ def _blend_seeds(_folder: Path) -> list[bytes]:
 
 
 # --- settings
-
-
 def _settings_seeds(folder: Path) -> list[bytes]:
     from viewer.settings import Settings, save_settings
 
@@ -127,8 +124,6 @@ def _read_settings(folder: Path, data: bytes) -> None:
 
 
 # --- language model
-
-
 def _answer_seeds(_folder: Path) -> list[bytes]:
     content = json.dumps(_parts())
     return [json.dumps({"choices": [{"message": {"role": "assistant", "content": content}}]}).encode()]
@@ -162,12 +157,8 @@ def _read_cache(folder: Path, data: bytes) -> None:
 
 def _environment(_folder: Path, data: bytes) -> None:
     key, url, model, timeout, *headers = [*_text(data).split("\n"), "", "", "", ""]
-    environment = {
-        "OPENAI_API_KEY": key,
-        "OPENAI_BASE_URL": url,
-        "SPORT_GPT_MODEL": model,
-        "SPORT_GPT_TIMEOUT": timeout,
-    }
+    environment = {"OPENAI_API_KEY": key, "OPENAI_BASE_URL": url}
+    environment |= {"SPORT_GPT_MODEL": model, "SPORT_GPT_TIMEOUT": timeout}
     wait = retry_after({"retry-after": headers[0], "retry-after-ms": timeout})
     assert wait is None or 0.0 <= wait < math.inf
     settings = GptSettings.from_environment(environment)
@@ -176,8 +167,6 @@ def _environment(_folder: Path, data: bytes) -> None:
 
 
 # --- command line
-
-
 def _command_seeds(folder: Path) -> list[bytes]:
     model = write_model(folder / "model")
     (folder / "parts.json").write_text(json.dumps(_parts()), encoding="utf-8")
@@ -232,8 +221,6 @@ def _run_command(folder: Path, data: bytes) -> None:
 
 
 # --- the library
-
-
 _NASTY: tuple[Any, ...] = (
     0, 1, -1, 0.5, 2.0, -0.0, math.nan, math.inf, -math.inf, 1e300, 10**30, 1e-320, None, "x", (0, 0), (0, math.nan),
     (math.inf, 0), (1, 2, 3), (1e5, -1e5), (0.6, 0.8), (), [], True, 99, "walk", np.float32(0.3), np.array([0.0, 1.0]),
@@ -264,9 +251,8 @@ def _call(folder: Path, data: bytes) -> None:
         terrain = Terrain("t", heights, nasty_number(rng), (nasty_number(rng), 0.0))
         assert np.isfinite(terrain.height(0.3, nasty_number(rng) if rng.random() < 0.1 else 0.0))
     elif kind == 1:
-        controller = Controller(
-            _model(folder), Terrain.flat(), rng.choice((0, 3, -1)), nasty_number(rng), nasty_number(rng)
-        )
+        seed, numbers = rng.choice((0, 3, -1)), (nasty_number(rng), nasty_number(rng))
+        controller = Controller(_model(folder), Terrain.flat(), seed, *numbers)
         controls = Controls(nasty((0.0, 1.0), (0.0, 0.0)), nasty(None, (1.0, 0.0)), nasty(1, 2, 3, 4))
         for _ in range(3):
             pose = controller.step(controls)

@@ -3,6 +3,7 @@
 import re
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -147,6 +148,11 @@ def type_in(app: App, text: str) -> None:
     run(app, 3)
 
 
+def right_click(app: App, x: float, y: float) -> None:
+    for down in (None, True, False):
+        point(app, x, y, None if down is None else 1, bool(down))
+
+
 def click_prompt_box(app: App) -> None:
     click_on(app, "##prompt A")
 
@@ -160,6 +166,12 @@ def press(app: App, *names: str) -> None:
         app.window.inject_key(name, False)
         run(app)
     run(app, 2)
+
+
+def hold(app: App, key: str, frames: int) -> None:
+    app.window.inject_key(key, True)
+    run(app, frames)
+    app.window.inject_key(key, False)
 
 
 def type_prompt(app: App, text: str) -> None:
@@ -208,12 +220,26 @@ def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None
 def record(app: App, frames: int = 20, stop: bool = True) -> None:
     """A walk straight ahead; without `stop` it is still recorded."""
     app.takes.toggle_recording()
-    app.window.inject_key("w", True)
-    run(app, frames)
-    app.window.inject_key("w", False)
+    hold(app, "w", frames)
     if stop:
         app.takes.toggle_recording()
     run(app)
+
+
+def export_bvh(app: App, path: Path | str | None = None) -> None:
+    """Export the take that plays or the newest one, where the window proposes it or to a path."""
+    if path is not None:
+        app.bvh_export.path = str(path)
+    app.bvh_export.export()
+    run(app, 2)
+
+
+def save_and_leave(app: App, path: Path) -> None:
+    """Save the session, and begin another one."""
+    app.sessions.save_as(path)
+    run(app, 2)
+    app.sessions.new()
+    run(app, 2)
 
 
 def seek(app: App, frame: int) -> None:

@@ -19,12 +19,8 @@ from sport.commands import training
 
 ROOT = PROJECT_ROOT
 GUIDE = sorted((ROOT / "docs" / "guide").glob("*.md"))
-DOCUMENTS = [
-    *sorted(ROOT.glob("*.md")),
-    *sorted((ROOT / "docs").rglob("*.md")),
-    *sorted((ROOT / "examples").glob("*.md")),
-    ROOT / "assets" / "NOTICE.md",
-]
+DOCUMENTS = sorted(ROOT.glob("*.md")) + sorted((ROOT / "docs").rglob("*.md"))
+DOCUMENTS += [*sorted((ROOT / "examples").glob("*.md")), ROOT / "assets" / "NOTICE.md"]
 WITH_SUBCOMMANDS = ("training.evaluation", "benchmarks.study")
 TRAINING = re.compile(rf"\btraining\.|^(?:python -m )?sport (?:{'|'.join(training.COMMANDS)})\b")
 SETTING = re.compile(r"[A-Z_]+=\S*")  # a variable in front of a command
@@ -77,18 +73,8 @@ def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     elif words[:2] == ["python", "-m"]:
         check_help(words[2], words[3:], monkeypatch, capsys)
     else:
-        assert words[0] in (
-            "pip",
-            "sudo",
-            "git",
-            "npm",
-            "node",
-            ".ci/run",
-            "pytest",
-            "ruff",
-            "mypy",
-            "python",
-        ), line
+        known = "pip sudo git npm node .ci/run pytest ruff mypy python"
+        assert words[0] in known.split(" "), line
 
 
 def check_help(

@@ -66,9 +66,8 @@ class Document:
         pixels = np.random.default_rng(seed).integers(60, 255, (8, 8, 3)).astype(np.uint8)
         data = io.BytesIO()
         Image.fromarray(pixels).save(data, "PNG")
-        self.value["images"].append(
-            {"bufferView": self.view(data.getvalue()), "mimeType": "image/png", "name": name}
-        )
+        image = {"bufferView": self.view(data.getvalue()), "mimeType": "image/png", "name": name}
+        self.value["images"].append(image)
         self.value["textures"].append({"source": len(self.value["images"]) - 1})
         surface = {"baseColorTexture": {"index": len(self.value["textures"]) - 1}, "metallicFactor": 0.0}
         self.value["materials"].append({"name": name, "pbrMetallicRoughness": surface, "doubleSided": True})
@@ -93,9 +92,8 @@ def _boxes(
     joints = np.zeros((len(at), 4), np.uint16)
     joints[:, 0] = np.repeat([order.index(b) for b in bones], 8)
     weights = np.tile(np.float32([1, 0, 0, 0]), (len(at), 1))
-    triangles = (
-        (np.array(faces).ravel() + 8 * np.arange(len(bones))[:, None]).astype(np.uint16).reshape(-1, 1)
-    )
+    triangles = np.array(faces).ravel() + 8 * np.arange(len(bones))[:, None]
+    triangles = triangles.astype(np.uint16).reshape(-1, 1)
     return at, uv, joints, weights, triangles
 
 
@@ -112,9 +110,8 @@ def _skin_mesh(doc: Document, name: str, points: dict[str, np.ndarray], bones: l
     inverse[:, [3, 7, 11]], inverse[:, 15] = 0.0, 1.0
     doc.value["skins"].append({"joints": nodes, "inverseBindMatrices": doc.array(inverse)})
     doc.value["meshes"].append({"name": name, "primitives": [primitive]})
-    doc.value["nodes"].append(
-        {"name": name, "mesh": len(doc.value["meshes"]) - 1, "skin": len(doc.value["skins"]) - 1}
-    )
+    mesh, skin = (len(doc.value[kind]) - 1 for kind in ("meshes", "skins"))
+    doc.value["nodes"].append({"name": name, "mesh": mesh, "skin": skin})
     return len(doc.value["nodes"]) - 1
 
 
@@ -158,9 +155,8 @@ def mixamo_rig(path: Path) -> Path:
     mesh_space = np.diag([0.01, 0.01, 0.01, 1.0])
     mesh = _skin_mesh(doc, "Body", rest_points(), BONES, BONES, nodes, np.stack(list(worlds.values())), mesh_space, 3.0, 1)  # fmt: skip
     turn = rotations.from_matrix(Z_UP.T)[[1, 2, 3, 0]].tolist()
-    doc.value["nodes"].append(
-        {"name": "Armature", "rotation": turn, "scale": [0.01] * 3, "children": [nodes[0], mesh]}
-    )
+    top = {"name": "Armature", "rotation": turn, "scale": [0.01] * 3, "children": [nodes[0], mesh]}
+    doc.value["nodes"].append(top)
     doc.value["scenes"] = [{"nodes": [len(doc.value["nodes"]) - 1]}]
     return doc.write(path)
 
@@ -213,10 +209,8 @@ def sparse_rig(path: Path) -> Path:
         blob += data
         return len(document["bufferViews"]) - 1
 
-    indices, values = (
-        view(np.uint16([0, 3]).tobytes()),
-        view(np.float32([[0, 0, 0.1], [0, 0, 0.2]]).tobytes()),
-    )
+    indices = view(np.uint16([0, 3]).tobytes())
+    values = view(np.float32([[0, 0, 0.1], [0, 0, 0.2]]).tobytes())
     document["accessors"].append(
         {"componentType": 5126, "count": count, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0.2],
          "sparse": {"count": 2, "indices": {"bufferView": indices, "componentType": 5123},

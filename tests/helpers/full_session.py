@@ -63,10 +63,8 @@ def driven_take(frames: int = 90) -> tuple[Clip, InputRecording]:
     walker.set_terrain(ground)
     recorder.mark_ground("dunes.png", ground)
     blend = PromptBlend((answer("a proud king"), answer("drunk", 0.25)), (0.5,) * 6, frozenset({"head"}))
-    for z, note in (
-        (answer("a king").z, None),
-        (StyleMix((0.4, 0.6), (np.ones((6, 64), np.float32),) * 2), blend),
-    ):
+    mixed = StyleMix((0.4, 0.6), (np.ones((6, 64), np.float32),) * 2)
+    for z, note in ((answer("a king").z, None), (mixed, blend)):
         walker.set_style(z, 0.2)
         recorder.mark_style(StyleChange(0, z, 0.2, PromptEvent(0.0, "style", 0.2, "", "typed"), note))
         clips.mark_prompt("style", 0.2, typed="typed")
@@ -98,9 +96,8 @@ def full_session(cache: Path, source: Path) -> Session:
     """One of everything; the files of its characters are in `cache`, the one it came from in `source`."""
     write_character(source / "me.glb", user_character())
     kept = write_character_files(read_character_files(source / "me.glb"), cache)
-    own_body = CharacterChoice(
-        BodyShape(height=1.1), str(source / "me.glb"), kept.relative_to(cache).as_posix()
-    )
+    kept_path = kept.relative_to(cache).as_posix()
+    own_body = CharacterChoice(BodyShape(height=1.1), str(source / "me.glb"), kept_path)
     heights = np.random.default_rng(2).random((9, 7)).astype(np.float32)
     ground = Ground.of("hills.png", Terrain("hills", heights, 0.5, (-1.0, -1.5), "a note", 1.0))
     points = np.random.default_rng(3).random((20, 4, 3)).astype(np.float32)
@@ -125,11 +122,8 @@ def full_session(cache: Path, source: Path) -> Session:
         ),
     )
     path = (Waypoint(0.0, 0.0), Waypoint(1.0, 2.5, 0.5, Gait.JOG))
-    blend = PromptBlend(
-        (answer("a king", source="gpt", nearest=(("queen", 0.5),), note="n"), answer("drunk")),
-        (0.0, 0.25, 0.5, 1.0, 0.5, 0.5),
-        frozenset({"torso"}),
-    )
+    king = answer("a king", source="gpt", nearest=(("queen", 0.5),), note="n")
+    blend = PromptBlend((king, answer("drunk")), (0.0, 0.25, 0.5, 1.0, 0.5, 0.5), frozenset({"torso"}))
     cameras = (CameraKey(0.0, 0.5, 0.25, 4.0), CameraKey(1.0, 1.5, 0.25, 3.0, 0.5, 0.0, 0.25))
     clip, inputs = driven_take()
     takes = [

@@ -28,8 +28,7 @@ def make_pose(seed: int | None, angle: float = 0.8) -> Pose:
     return Pose(hips, local, positions, world, np.zeros(4), hips * (1, 0, 1), 0.0)
 
 
-# A user's character: Mixamo names, centimetres, A-pose, arbitrary bone axes, one extra joint above and one below.
-
+# --- A user's character: Mixamo names, centimetres, A-pose, arbitrary bone axes, one extra joint above and one below.
 _MIXAMO_PARENTS = {
     "Armature": "", "Hips": "Armature", "Spine": "Hips", "Spine1": "Spine", "Spine2": "Spine1", "Neck": "Spine2",
     "Head": "Neck", "HeadTop_End": "Head",

@@ -37,6 +37,5 @@ def check_golden(name: str, picture: np.ndarray, mean: float = 1.5, far: float =
         shown = np.clip(4 * difference, 0, 255).astype(np.uint8)
         side_by_side = np.hstack([picture, golden.astype(np.uint8), shown])
         save_png(side_by_side, FAILURES / f"{name}.png")
-        pytest.fail(
-            f"{name}: mean difference {difference.mean():.2f}, {far_off:.1%} far off; see {FAILURES}.{UPDATE}"
-        )
+        far = f"mean difference {difference.mean():.2f}, {far_off:.1%} far off"
+        pytest.fail(f"{name}: {far}; see {FAILURES}.{UPDATE}")

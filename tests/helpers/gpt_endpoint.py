@@ -29,9 +29,7 @@ LONG = 60.0  # seconds that no test waits
 PROSE = "A proud person walks with the chest out and the arms swinging widely."
 
 
-# a server of our own
-
-
+# --- a server of our own
 def completion(content, **message):
     """Body of a chat completion that says `content`."""
     choice = {"index": 0, "message": {"role": "assistant", "content": content, **message}}
@@ -92,9 +90,8 @@ class Handler(BaseHTTPRequestHandler):
         body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         script = self.server.script
         with self.server.lock:
-            self.server.requests.append(
-                (time.monotonic(), self.path, {k.lower(): v for k, v in self.headers.items()}, body)
-            )
+            headers = {k.lower(): v for k, v in self.headers.items()}
+            self.server.requests.append((time.monotonic(), self.path, headers, body))
             behave = script.pop(0) if len(script) > 1 else script[0]
         try:
             behave(self)

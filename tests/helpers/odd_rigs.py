@@ -14,11 +14,9 @@ Points = dict[str, tuple[str, tuple[float, float, float]]]  # name -> parent, pl
 
 def _both(points: Points) -> Points:
     """Mirror the entries that begin with "L " onto "R "."""
-    other = {
-        "R" + name[1:]: ("R" + parent[1:] if parent.startswith("L ") else parent, (-x, y, z))
-        for name, (parent, (x, y, z)) in points.items()
-        if name.startswith("L ")
-    }
+    left = {name: at for name, at in points.items() if name.startswith("L ")}
+    parents = {name: "R" + parent[1:] if parent in left else parent for name, (parent, _) in left.items()}
+    other = {"R" + name[1:]: (parents[name], (-x, y, z)) for name, (_, (x, y, z)) in left.items()}
     return points | other
 
 

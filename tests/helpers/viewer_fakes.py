@@ -73,9 +73,8 @@ class FakeController:
         ahead = np.linspace(-1.0, 1.0, 12)
         x, z = self.x + ahead * math.sin(self.yaw), self.z + ahead * math.cos(self.yaw)
         positions = np.stack([x, self.terrain.height(x, z), z], -1)
-        return SimpleNamespace(
-            positions=positions, directions=np.tile([math.sin(self.yaw), math.cos(self.yaw)], (12, 1))
-        )
+        directions = np.tile([math.sin(self.yaw), math.cos(self.yaw)], (12, 1))
+        return SimpleNamespace(positions=positions, directions=directions)
 
     def set_style(self, z: np.ndarray, transition_seconds: float) -> None:
         self.styles.append((z, transition_seconds))
@@ -118,9 +117,8 @@ class FakeLibrary:
 
     def expand(self, prompt: str) -> Expansion:
         prompt = check_prompt(prompt)
-        parts = PartDescriptions(
-            *(f"{part} of {prompt}" for part in ("arm", "arm 2", "leg", "leg 2", "torso", "head"))
-        )
+        parts = ("arm", "arm 2", "leg", "leg 2", "torso", "head")
+        parts = PartDescriptions(*(f"{part} of {prompt}" for part in parts))
         return Expansion(parts, "library", ((prompt, 0.9), *self.near))
 
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:

@@ -94,13 +94,8 @@ class WalkerModel:
         self._positions = positions - hips[:, None] * np.array([1.0, 0.0, 1.0])
         self._rotations = rotations.to_6d(world)
         phase = np.zeros((features.L + 1, features.C, 2))
-        self.metadata = {
-            "start": {
-                "output": self._y(0, np.zeros(2), 0.0, 0.0)[0].tolist(),
-                "phase": phase.ravel().tolist(),
-            },
-            "name": self.name,
-        }
+        output = self._y(0, np.zeros(2), 0.0, 0.0)[0].tolist()
+        self.metadata = {"start": {"output": output, "phase": phase.ravel().tolist()}, "name": self.name}
 
     def crosses(self, obstacle):
         """Never."""

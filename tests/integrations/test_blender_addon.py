@@ -59,9 +59,8 @@ def files(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Pat
     ground = folder / "walk-ground.obj", folder / "m" / "ground.glb"
     save_motion(clip, made["cm"], ExportOptions(fps=30.0, ground_out=ground[0]), HILLS)
     save_motion(clip, made["m"], ExportOptions(fps=60.0, unit="m", ground_out=ground[1]), HILLS)
-    save_motion(
-        clip, made["glb"], ExportOptions(fps=30.0, character=rig, with_ground=True, fit_to_motion=True), HILLS
-    )
+    options = ExportOptions(fps=30.0, character=rig, with_ground=True, fit_to_motion=True)
+    save_motion(clip, made["glb"], options, HILLS)
     return made
 
 
@@ -119,9 +118,8 @@ def test_blender_imports_takes_with_markers_and_ground(
         assert np.linalg.norm(ours - theirs, axis=-1).max() < 1e-3
     character = load_character(files["rig"])
     take = prepare(clip, ExportOptions(fps=30.0, character=files["rig"]), HILLS)
-    ours = to_blender(
-        character.joint_matrices(*character.adapted(*take.clip.world(), take.clip.contacts))[..., :3, 3]
-    )
+    matrices = character.joint_matrices(*character.adapted(*take.clip.world(), take.clip.contacts))
+    ours = to_blender(matrices[..., :3, 3])
     theirs = np.array([[frame[name] for name in character.joint_names] for frame in found[2]["frames"]])
     assert np.linalg.norm(ours - theirs, axis=-1).max() < 1e-3
     assert found[2]["skinned"] == 1

@@ -150,13 +150,8 @@ def test_arrows_point_one_way(package: str) -> None:
 
 def test_only_the_evaluation_and_its_readers_use_the_evaluation() -> None:
     """Data, layered clips, networks and stages measure by rooms below; courses too; the export reads tables for the model card."""
-    users = (
-        "training/evaluation",
-        "training/baselines",
-        "training/export",
-        "training/courses",
-        "training/table1",
-    )
+    areas = ("evaluation", "baselines", "export", "courses", "table1")
+    users = tuple(f"training/{area}" for area in areas)
     for path in sources("training"):
         if not path.relative_to(PROJECT_ROOT).as_posix().startswith(users):
             assert not any(name.startswith("training.evaluation") for name in modules(path)), path
@@ -166,9 +161,8 @@ def test_only_the_evaluation_and_its_readers_use_the_evaluation() -> None:
 def test_rooms_use_only_what_lies_below_them(package: str) -> None:
     rooms = ROOMS[package]
     for path in sources(package):
-        inside = ".".join(path.relative_to(PROJECT_ROOT / package).with_suffix("").parts).removesuffix(
-            ".__init__"
-        )
+        parts = path.relative_to(PROJECT_ROOT / package).with_suffix("").parts
+        inside = ".".join(parts).removesuffix(".__init__")
         if inside == "__init__":
             continue
         here = room(inside, rooms)
@@ -275,9 +269,8 @@ def test_files_and_functions_stay_readable(package: str) -> None:
 
 def swallowed(handler: ast.ExceptHandler) -> bool:
     """Whether an exception of any type is caught and nothing is done about it."""
-    caught = (
-        {node.id for node in ast.walk(handler.type) if isinstance(node, ast.Name)} if handler.type else set()
-    )
+    names = [] if handler.type is None else ast.walk(handler.type)
+    caught = {node.id for node in names if isinstance(node, ast.Name)}
     acts = any(isinstance(node, ast.Raise | ast.Call) for line in handler.body for node in ast.walk(line))
     return bool(caught & {"Exception", "BaseException"}) and not acts
 
@@ -299,9 +292,8 @@ def test_modules_hold_no_state_and_swallow_no_exception(package: str) -> None:
 def shipped() -> list[Path]:
     folders = ("assets", "shaders", "docs", "examples", *PACKAGES)
     files = [p for folder in folders for p in sorted((PROJECT_ROOT / folder).rglob("*")) if p.is_file()]
-    files += [
-        p for p in PROJECT_ROOT.iterdir() if p.is_file() and p.suffix in TEXT_SUFFIXES and p.name != ".git"
-    ]
+    top = [p for p in PROJECT_ROOT.iterdir() if p.is_file() and p.name != ".git"]
+    files += [p for p in top if p.suffix in TEXT_SUFFIXES]
     return [p for p in files if "__pycache__" not in p.parts]
 
 

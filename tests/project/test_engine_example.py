@@ -99,9 +99,8 @@ def test_the_page_on_engines_gives_every_entry(reference: ModuleType) -> None:
     for slices in (INPUT, OUTPUT):
         for name, entries in slices.items():
             assert f"| {entries.start} - {entries.stop - 1} |" in text, (name, entries)
-    assert [int(np.prod(shape)) for shape in reference.OUTPUT.values()] == [
-        entries.stop - entries.start for entries in OUTPUT.values()
-    ]
+    lengths = [entries.stop - entries.start for entries in OUTPUT.values()]
+    assert [int(np.prod(shape)) for shape in reference.OUTPUT.values()] == lengths
     assert list(reference.INPUT.values()) == [entries.stop - entries.start for entries in INPUT.values()]
     assert [reference.STAND, reference.JUMP] == [Gait.STAND, Gait.JUMP]
 
@@ -125,12 +124,8 @@ console.log(JSON.stringify(said));
 
 @pytest.mark.skipif(NODE is None, reason="needs Node.js")
 def test_damaged_arrays_and_graphs_are_one_sentence_in_node() -> None:
-    call = [
-        str(NODE),
-        "--input-type=module",
-        "-e",
-        DAMAGE.replace("import.meta.url", f'"{FOLDER.as_uri()}/"'),
-    ]
+    script = DAMAGE.replace("import.meta.url", f'"{FOLDER.as_uri()}/"')
+    call = [str(NODE), "--input-type=module", "-e", script]
     done = subprocess.run(call, cwd=FOLDER, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     whole, *arrays, graph, other, metadata = json.loads(done.stdout)
@@ -142,9 +137,8 @@ def test_damaged_arrays_and_graphs_are_one_sentence_in_node() -> None:
 
 @needs_package
 def test_the_step_runs_in_node() -> None:
-    done = subprocess.run(
-        [str(NODE), "check.mjs"], cwd=FOLDER, capture_output=True, text=True, timeout=600, check=False
-    )
+    call = [str(NODE), "check.mjs"]
+    done = subprocess.run(call, cwd=FOLDER, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr + done.stdout
     assert json.loads(done.stdout)["worst"] < 1e-4
 

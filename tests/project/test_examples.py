@@ -46,9 +46,8 @@ def run_alone(name: str, folder: Path) -> str:
     """Run an example in a process of its own, as one that starts others needs it; what it printed."""
     command = [sys.executable, str(ROOT / "examples" / name)]
     paths = {"PYTHONPATH": os.pathsep.join((str(ROOT), os.environ.get("PYTHONPATH", "")))}
-    done = subprocess.run(
-        command, cwd=folder, env=os.environ | paths, capture_output=True, text=True, check=False
-    )
+    environment = os.environ | paths
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -71,16 +71,11 @@ def test_the_page_on_the_model_has_todays_numbers() -> None:
     assert f"scaled by {TEMPERATURE:g} " in page
     for name in set(ABLATIONS) - {"full"}:
         assert f"`{name}`" in page, name
-    rows = {
-        row[0]: row[1:]
-        for line in page.splitlines()
-        if len(row := [cell.strip() for cell in line.strip("|").split("|")]) == 4
-    }
-    for title, values in (
-        ("W, E", [str(preset(name).embedding) for name in ("paper", "compact")]),
-        ("hidden width of the motion experts", [str(preset(name).hidden) for name in ("paper", "compact")]),
-        ("dropout of the motion experts", [str(preset(name).dropout) for name in ("paper", "compact")]),
-    ):
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines()]
+    rows = {row[0]: row[1:] for row in cells if len(row) == 4}
+    hidden, dropout = "hidden width of the motion experts", "dropout of the motion experts"
+    for title, field in (("W, E", "embedding"), (hidden, "hidden"), (dropout, "dropout")):
+        values = [str(getattr(preset(name), field)) for name in ("paper", "compact")]
         assert rows[title][1:] == values, title
 
 

@@ -34,13 +34,11 @@ def test_onnxruntime_reports_nothing_unless_it_is_told_to(
     environment = {k: v for k, v in os.environ.items() if k not in silent and not k.startswith("XDG_")}
     environment |= {"HOME": str(tmp_path)} | ({} if asked is None else {"ORT_DISABLE_TELEMETRY": asked})
     if asked is None:
-        done = subprocess.run(
-            [sys.executable, "-c", _RUN], env=environment, check=True, capture_output=True, text=True
-        )
+        command = [sys.executable, "-c", _RUN]
+        done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
         assert not [path for path in tmp_path.rglob("*") if path.is_file()]
     else:  # said, not done: a test sends nothing
         script = "import os, runtime; print(os.environ['ORT_DISABLE_TELEMETRY'])"
-        done = subprocess.run(
-            [sys.executable, "-c", script], env=environment, check=True, capture_output=True, text=True
-        )
+        command = [sys.executable, "-c", script]
+        done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
     assert done.stdout.strip() == told

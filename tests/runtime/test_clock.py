@@ -24,9 +24,8 @@ def jumping(monkeypatch: pytest.MonkeyPatch) -> None:
     times, stamps = random.Random(3), cycle(("19700101-000000", "20991231-235959", "20260301-120000"))
     monkeypatch.setattr(time, "time", lambda: times.choice(JUMPS))
     real = time.strftime
-    monkeypatch.setattr(
-        time, "strftime", lambda form, *t: next(stamps) if form == "%Y%m%d-%H%M%S" else real(form, *t)
-    )
+    stamp = "%Y%m%d-%H%M%S"
+    monkeypatch.setattr(time, "strftime", lambda form, *t: next(stamps) if form == stamp else real(form, *t))
 
 
 @pytest.mark.usefixtures("jumping")
@@ -68,9 +67,8 @@ def test_the_newest_session_is_that_of_the_last_run(start: Start, tmp_path: Path
 
 @pytest.mark.parametrize("seconds", [-1e18, -1.0, 0.0, 4e9, 1e18])
 def test_a_session_of_any_time_can_be_described(tmp_path: Path, seconds: float) -> None:
-    assert describe(SessionSummary(tmp_path, "Untitled", True, seconds, 1, 2.0, b"")).startswith(
-        "Untitled, 1 take"
-    )
+    summary = SessionSummary(tmp_path, "Untitled", True, seconds, 1, 2.0, b"")
+    assert describe(summary).startswith("Untitled, 1 take")
 
 
 def test_what_a_running_program_writes_is_not_swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

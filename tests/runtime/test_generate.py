@@ -36,10 +36,8 @@ def test_the_stick_of_a_clip_is_text(walker):
 
 
 def test_a_start_takes_the_time_of_a_body_and_that_of_a_game_at_full_response(walker):
-    way = [
-        np.ptp(generate_clip("calm", controls="stand 0.2; walk 0.6", response=r).hips_positions[:, 2])
-        for r in (0.0, 0.5, 1.0)
-    ]
+    clips = [generate_clip("calm", controls="stand 0.2; walk 0.6", response=r) for r in (0.0, 0.5, 1.0)]
+    way = [np.ptp(clip.hips_positions[:, 2]) for clip in clips]
     assert way[0] < way[1] < way[2]
     assert way[0] < 0.6 * way[2]
 
@@ -92,10 +90,8 @@ def test_unknown_paths_gaits_and_speeds_are_named(arguments, field):
 
 
 def test_prompts_with_times_are_parsed_and_sorted():
-    assert parse_prompts("4: drunk ;0:walk calmly") == (
-        PromptEvent(0.0, "walk calmly"),
-        PromptEvent(4.0, "drunk"),
-    )
+    events = (PromptEvent(0.0, "walk calmly"), PromptEvent(4.0, "drunk"))
+    assert parse_prompts("4: drunk ;0:walk calmly") == events
     assert parse_prompts("1.5:a: b") == (PromptEvent(1.5, "a: b"),)
     for bad in ("", "drunk", "0:", "-1:x", "0:a;;1:b"):
         with pytest.raises(PromptError, match="SECONDS:PROMPT"):
@@ -123,9 +119,8 @@ def test_equal_arguments_give_equal_bytes_and_seeds_and_prompts_differ(walker):
 
 def test_a_later_prompt_blends_in_at_its_time(walker):
     one = generate_clip("calm", path="forward", seconds=2.0)
-    two = generate_clip(
-        parse_prompts("0:calm; 0.5:drunk"), path="forward", seconds=2.0, transition_seconds=1.0
-    )
+    events = parse_prompts("0:calm; 0.5:drunk")
+    two = generate_clip(events, path="forward", seconds=2.0, transition_seconds=1.0)
     different = np.abs(one.local_rotations - two.local_rotations).max(axis=(1, 2))
     assert different[:30].max() == 0.0
     assert 0.0 < different[45] < different[115]
@@ -133,10 +128,8 @@ def test_a_later_prompt_blends_in_at_its_time(walker):
 
 def test_before_the_first_prompt_somebody_walks_by_the_default_one(walker):
     clip = generate_clip(parse_prompts("0.2:drunk"), path="forward", seconds=0.4)
-    assert [(event.seconds, event.prompt) for event in clip.prompts] == [
-        (0.0, DEFAULT_PROMPT),
-        (0.2, "drunk"),
-    ]
+    told = [(event.seconds, event.prompt) for event in clip.prompts]
+    assert told == [(0.0, DEFAULT_PROMPT), (0.2, "drunk")]
 
 
 def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):
@@ -153,10 +146,8 @@ def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):
     monkeypatch.setattr(generate_module, "Prompter", prompter)
     prompts = parse_prompts("0:calm; 0.2:drunk")
     clip = generate_clip(prompts, "hills", gait="jog", seconds=0.5, seed=5, transition_seconds=0.5)
-    assert clip.prompts == (
-        PromptEvent(0.0, "calm", 0.0, parts.to_json()),
-        PromptEvent(0.2, "drunk", 0.5, parts.to_json()),
-    )
+    said = parts.to_json()
+    assert clip.prompts == (PromptEvent(0.0, "calm", 0.0, said), PromptEvent(0.2, "drunk", 0.5, said))
     assert (clip.origin.seed, clip.origin.strength, clip.origin.terrain_seed) == (5, 1.0, 0)
     assert dict(clip.gait_seconds) == {"jog": 0.5}
 

@@ -44,11 +44,8 @@ def png(width: int, height: int, colour: int = 0, bits: int = 16) -> bytes:
     packer = zlib.compressobj(1)
     line = b"\0" * (1 + width * (3 if colour == 2 else 1) * bits // 8)
     data = b"".join(packer.compress(line) for _ in range(height)) + packer.flush()
-    chunks = (
-        (b"IHDR", struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)),
-        (b"IDAT", data),
-        (b"IEND", b""),
-    )
+    head = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
+    chunks = ((b"IHDR", head), (b"IDAT", data), (b"IEND", b""))
     body = b"".join(
         struct.pack(">I", len(b)) + k + b + struct.pack(">I", zlib.crc32(k + b)) for k, b in chunks
     )
@@ -56,8 +53,6 @@ def png(width: int, height: int, colour: int = 0, bits: int = 16) -> bytes:
 
 
 # --- nothing in a file is run
-
-
 @pytest.mark.parametrize("embedded", [True, False])
 def test_a_texture_of_postscript_never_reaches_pillows_guess(
     embedded: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -98,8 +93,6 @@ def test_png_and_jpeg_still_colour(tmp_path: Path) -> None:
 
 
 # --- nothing is waited for
-
-
 READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "bvh": ("a.bvh", read_bvh),
     "character": ("a.glb", load_character),
@@ -125,8 +118,6 @@ def test_a_pipe_or_a_device_is_refused_at_once(case: str, tmp_path: Path) -> Non
 
 
 # --- bombs
-
-
 def bomb_bvh_of_1024_joints(path: Path) -> Callable[[], object]:
     frames = 1_000_000
     path.write_text(chain(1024, "Xposition") + MOTION.format(frames) + "0\n" * frames, encoding="utf-8")
@@ -146,9 +137,8 @@ def bomb_glb_of_300_primitives(path: Path) -> Callable[[], object]:
     values = {"POSITION": 0.0, "JOINTS_0": 0, "WEIGHTS_0": 0.25}
     attributes = {}
     for name, (component, kind, size) in kinds.items():
-        data = np.full(count * size // (2 if component == 5123 else 4), values[name]).astype(
-            np.uint16 if component == 5123 else np.float32
-        )
+        kind, bytes_each = (np.uint16, 2) if component == 5123 else (np.float32, 4)
+        data = np.full(count * size // bytes_each, values[name]).astype(kind)
         document["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": data.nbytes})
         document["accessors"].append(
             {"bufferView": len(document["bufferViews"]) - 1, "componentType": component, "count": count,
@@ -252,9 +242,8 @@ def bomb_fps(path: Path) -> Callable[[], object]:
 
 BOMBS = {
     name.removeprefix("bomb_").replace("_", " "): make
-    for name, make in sorted(globals().items())
-    if name.startswith("bomb_")
-}
+    for name, make in sorted(globals().items()) if name.startswith("bomb_")
+}  # fmt: skip
 READ = ("bvh at the limit", "glb chain", "ground png", "texture")
 
 

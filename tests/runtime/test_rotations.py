@@ -81,9 +81,8 @@ def test_euler_round_trip_in_gimbal_lock(order, second):
 
 def test_euler_order_means_intrinsic_rotations_as_in_bvh():
     z, x = np.array(0.4), np.array(-0.9)
-    expected = R.multiply(
-        R.from_axis_angle(np.array([0, 0, 1.0]), z), R.from_axis_angle(np.array([1.0, 0, 0]), x)
-    )
+    about_z, about_x = (R.from_axis_angle(np.eye(3)[k], turn) for k, turn in ((2, z), (0, x)))
+    expected = R.multiply(about_z, about_x)
     same_rotation(R.from_euler(np.array([0.4, 0.0, -0.9]), "ZYX"), expected)
 
 

@@ -31,8 +31,6 @@ LONG_PROMPT = "walk like a duck " * 589  # 10,000 characters and a few more
 
 
 # --- damaged files
-
-
 def still_clip() -> Clip:
     """Ten frames of the rest pose."""
     rotations = np.tile(np.array([1, 0, 0, 0], np.float32), (10, 31, 1))
@@ -49,9 +47,8 @@ def damaged_bvh(folder: Path) -> Path:
 
 def worm_bvh(folder: Path) -> Path:
     """One chain: no body that could be played."""
-    skeleton = Skeleton(
-        tuple(f"ring{k}" for k in range(9)), tuple(range(-1, 8)), np.full((9, 3), 0.1, np.float32)
-    )
+    names = tuple(f"ring{k}" for k in range(9))
+    skeleton = Skeleton(names, tuple(range(-1, 8)), np.full((9, 3), 0.1, np.float32))
     text = format_bvh(skeleton, {0: np.zeros((2, 3))}, rotations.identity((2, 9)), 60.0)
     (folder / "worm.bvh").write_text(text, encoding="utf-8")
     return folder / "worm.bvh"
@@ -125,8 +122,6 @@ def flipped_bit(name: str) -> Callable[[Path], Path]:
 
 
 # --- the command line
-
-
 def check_sentence(error: str, *words: str) -> None:
     """One line on stderr that names what is wrong and what to do."""
     assert error.startswith("sport: ")
@@ -243,15 +238,8 @@ def test_the_viewer_ends_with_one_sentence_when_nobody_watches(
 def run_sport(arguments: list[str], **environment: str) -> subprocess.CompletedProcess[str]:
     kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [sys.executable, "-m", "sport", *arguments]
-    return subprocess.run(
-        command,
-        cwd=PROJECT_ROOT,
-        env=kept | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=600,
-    )
+    options = {"cwd": PROJECT_ROOT, "env": kept | environment, "timeout": 600}
+    return subprocess.run(command, capture_output=True, text=True, check=False, **options)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems always have a display")
@@ -259,9 +247,8 @@ def run_sport(arguments: list[str], **environment: str) -> subprocess.CompletedP
 def test_without_a_display(display: dict[str, str]) -> None:
     done = run_sport([], **display)
     assert done.returncode == 2
-    check_sentence(
-        done.stderr, "No window can be opened", "DISPLAY" if not display else ":4711", "--offscreen"
-    )
+    screen = "DISPLAY" if not display else ":4711"
+    check_sentence(done.stderr, "No window can be opened", screen, "--offscreen")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="how libraries are found differs")
@@ -293,13 +280,11 @@ def test_no_metadata_raise_anything_else(tmp_path: Path) -> None:
             except ModelError as error:
                 refused.append(error)
     assert len(refused) > 9 * len(ODD_VALUES)
-    assert all(
-        error.problem.startswith(str(tmp_path / "metadata.json")) and error.remedy for error in refused
-    )
+    begin = str(tmp_path / "metadata.json")
+    assert all(error.problem.startswith(begin) and error.remedy for error in refused)
 
 
 # --- the viewer while a person uses it
-
 IN_THE_VIEWER: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
     "GLB": (damaged_glb, ("cut.glb", "export the file again")),
     "BVH": (damaged_bvh, ("cut.bvh", "Export the clip again")),

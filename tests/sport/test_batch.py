@@ -41,9 +41,8 @@ def lines(folder: Path) -> list[dict[str, Any]]:
 
 
 def test_csv_and_json_lines_say_the_same(tmp_path: Path) -> None:
-    table = write(
-        tmp_path / "a.csv", '\ufeffprompt,--seed,Ground out\r\n"old, frail",3,g.obj\r\n\r\ndrunk,,\r\n'
-    )
+    text = '\ufeffprompt,--seed,Ground out\r\n"old, frail",3,g.obj\r\n\r\ndrunk,,\r\n'
+    table = write(tmp_path / "a.csv", text)
     text = '{"prompt": "old, frail", "seed": 3, "ground-out": "g.obj"}\n\n{"prompt": "drunk", "seed": null}\n'
     found, same = read_rows(table), read_rows(write(tmp_path / "a.jsonl", text))
     assert [row.values for row in found] == [

@@ -55,9 +55,8 @@ def test_files_that_are_not_there_are_refused_before_anything_is_loaded(viewed, 
 @pytest.mark.parametrize("seconds", ["inf", "nan", "-3", "1e9", "0"])
 def test_impossible_lengths_are_named(seconds, tmp_path, capsys):
     assert cli.main(["generate", "--seconds", seconds, "--out", str(tmp_path / "a.bvh")]) == 2
-    assert capsys.readouterr().err == (
-        f"sport: --seconds {float(seconds):g}: expected 0.017 (one frame) to 3600. Try 10.\n"
-    )
+    said = f"sport: --seconds {float(seconds):g}: expected 0.017 (one frame) to 3600. Try 10.\n"
+    assert capsys.readouterr().err == said
 
 
 def test_plain_sport_opens_the_viewer(viewed):
@@ -138,9 +137,8 @@ def test_training_without_torch_says_what_to_install():
         "import sys\nsys.modules['torch'] = None  # as if it were not installed\n"
         "from sport.cli import main\nsys.exit(main(['train', 'all', '--out', 'x']))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "'torch'" in done.stderr
     assert "[train]" in done.stderr
@@ -152,9 +150,8 @@ def test_help_imports_nothing_heavy():
         "try:\n    cli.main(['--help'])\nexcept SystemExit:\n    pass\n"
         "print([m for m in ('numpy', 'onnxruntime', 'torch', 'imgui_bundle', 'trimesh', 'PIL') if m in sys.modules])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip().endswith("[]")
 
 

@@ -22,9 +22,8 @@ from tests.helpers.full_session import history_of, written
 RIGHTS = "-dac_override,-dac_read_search,-fowner"
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 DROPPED = ["setpriv", f"--bounding-set={RIGHTS}", f"--inh-caps={RIGHTS}"] if ROOT else []
-pytestmark = pytest.mark.skipif(
-    os.name == "nt" or (ROOT and shutil.which("setpriv") is None), reason="rights of POSIX"
-)
+NO_RIGHTS = os.name == "nt" or (ROOT and shutil.which("setpriv") is None)
+pytestmark = pytest.mark.skipif(NO_RIGHTS, reason="rights of POSIX")
 COMMANDS = """
 import contextlib, io, json, sys
 from sport import cli
@@ -142,9 +141,8 @@ def test_a_session_in_a_folder_that_nobody_may_write_is_refused_and_the_take_is_
     before = named.read_bytes()
     (place / "mine").chmod(0o500)
     (place / "config").mkdir()
-    text = VIEW.replace("session=named[0] if named else None", "").replace(
-        "app.takes.toggle_recording()", "app.sessions.open(Path(named[0])); app.takes.toggle_recording()", 1
-    )
+    recording, opening = "app.takes.toggle_recording()", "app.sessions.open(Path(named[0])); "
+    text = VIEW.replace("session=named[0] if named else None", "").replace(recording, opening + recording, 1)
     done = process("-c", text, str(PROJECT_ROOT), str(place), str(named), folder=place)
     assert "Traceback" not in done.stderr, done.stderr
     assert "a.sport" in done.stdout

@@ -84,18 +84,8 @@ def test_an_old_file_and_other_files_stay(place: Place) -> None:
 
 
 def test_an_ignored_signal_stays_ignored(place: Place) -> None:
-    command = [
-        "nohup",
-        sys.executable,
-        str(AT_MOMENT),
-        "SIGHUP",
-        "import",
-        "numpy",
-        "1",
-        "--",
-        *CONVERT,
-        "o.csv",
-    ]
+    moment = [str(AT_MOMENT), "SIGHUP", "import", "numpy", "1"]
+    command = ["nohup", sys.executable, *moment, "--", *CONVERT, "o.csv"]
     found = place.ended(place.start(command), time.monotonic(), limit_s=120.0)
     assert found.code == 0
     assert "work/o.csv" in found.left

@@ -55,10 +55,8 @@ def test_generate_writes_a_users_character_with_its_ground(
 
 def test_convert_writes_what_each_ending_says(take: Path, capsys: pytest.CaptureFixture) -> None:
     glb, mp4, obj, bvh = (take.with_name("out" + suffix) for suffix in (".glb", ".mp4", ".obj", ".bvh"))
-    assert (
-        cli.main(["convert", str(take), str(glb), str(mp4), str(obj), str(bvh), *SMALL, "--range", "1:2"])
-        == 0
-    )
+    files = [str(path) for path in (take, glb, mp4, obj, bvh)]
+    assert cli.main(["convert", *files, *SMALL, "--range", "1:2"]) == 0
     said = capsys.readouterr()
     assert f"{glb}: 61 frames at 60 fps" in said.out
     assert f"{mp4}: 30 frames at 30 fps, 1.0 s" in said.out
@@ -94,13 +92,9 @@ def test_numbered_frames_and_variants(take: Path, capsys: pytest.CaptureFixture)
     assert len(list(frames.parent.iterdir())) == 20
     assert Image.open(frames.with_name("f_00000.png")).size == (96, 64)
     out = take.with_name("v.bvh")
-    assert (
-        cli.main(["generate", "--seconds", "0.5", "--seed", "4", "--variants", "2", "--out", str(out)]) == 0
-    )
-    assert (
-        cli.main(["generate", "--seconds", "0.5", "--seed", "5", "--out", str(take.with_name("five.bvh"))])
-        == 0
-    )
+    start = ["generate", "--seconds", "0.5"]
+    assert cli.main([*start, "--seed", "4", "--variants", "2", "--out", str(out)]) == 0
+    assert cli.main([*start, "--seed", "5", "--out", str(take.with_name("five.bvh"))]) == 0
     assert not out.exists()
     assert take.with_name("v-2.bvh").read_bytes() == take.with_name("five.bvh").read_bytes()
     assert take.with_name("v-1.bvh").read_bytes() != take.with_name("v-2.bvh").read_bytes()
@@ -163,12 +157,8 @@ def test_a_contact_sheet_shows_each_clip_on_its_own_ground(take: Path) -> None:
     sheets = {}
     for name, options in (("own", []), ("flat", ["--terrain", "flat"]), ("hills", ["--terrain", "hills"])):
         out = take.with_name(f"{name}.png")
-        assert (
-            contact_sheet(
-                [str(take), "--out", str(out), "--columns", "1", "--start", "3", "--labels", "x", *options]
-            )
-            == 0
-        )
+        words = [str(take), "--out", str(out), "--columns", "1", "--start", "3", "--labels", "x", *options]
+        assert contact_sheet(words) == 0
         sheets[name] = np.asarray(Image.open(out)).astype(int)
     assert np.array_equal(sheets["own"], sheets["hills"])
     assert np.abs(sheets["own"] - sheets["flat"]).max() > 30

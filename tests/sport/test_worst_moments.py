@@ -33,12 +33,8 @@ def test_a_bvh_with_a_name_of_250_characters_keeps_what_is_known_of_it(tmp_path:
 
 
 def test_what_a_killed_program_left_is_swept(tmp_path: Path) -> None:
-    for name in (
-        ".x-sport-ffffff6789ab.mp4",
-        ".x-sport-ffffff6789ac.mp4",
-        ".hidden.mp4",
-        "x-sport-ffffff6789ab.mp4",
-    ):
+    endings = ("ffffff6789ab", "ffffff6789ac")
+    for name in (*(f".x-sport-{end}.mp4" for end in endings), ".hidden.mp4", "x-sport-ffffff6789ab.mp4"):
         (tmp_path / name).touch()
     old = time.time() - 3600
     for name in (".x-sport-ffffff6789ab.mp4", ".hidden.mp4", "x-sport-ffffff6789ab.mp4"):

@@ -65,10 +65,8 @@ def table(tmp_path_factory) -> FrameTable:
 @pytest.fixture(scope="module")
 def texts(table) -> StyleTexts:
     edits = {name: keys for name, *_, keys in CLIPS}
-    rows = [
-        [edits[name].get(part, style) for part in PART_NAMES]
-        for name, style in zip(table.names, table.styles, strict=True)
-    ]
+    named = zip(table.names, table.styles, strict=True)
+    rows = [[edits[name].get(part, style) for part in PART_NAMES] for name, style in named]
     names = sorted({key for row in rows for key in row})
     keys = np.array([[names.index(key) for key in row] for row in rows])
     return StyleTexts([[]] * 6, [np.zeros((0, 4))] * 6, np.zeros((len(rows), 8, 6), int), keys, names)
@@ -166,10 +164,8 @@ def test_a_part_is_its_clip_s_at_matching_phase_and_so_are_its_words(frames, tab
     alone = frames.composer.rotations(same_step, CompositionPlan.nothing(len(rows), rows.device))
     joints = [j - FIRST_OF_UPPER for j in PART_JOINTS[part] if j >= FIRST_OF_UPPER]
     chest = SPORT_SKELETON.index("Spine1") - FIRST_OF_UPPER
-    hung = [
-        r[:, joints] if part == "torso" else r[:, chest, None].transpose(-1, -2) @ r[:, joints]
-        for r in (composed, alone)
-    ]
+    turns = [(r[:, joints], r[:, chest, None].transpose(-1, -2)) for r in (composed, alone)]
+    hung = [own if part == "torso" else back @ own for own, back in turns]
     assert (hung[0] - hung[1]).abs().max() < 0.02
 
 
@@ -212,9 +208,8 @@ def test_clips_whose_steps_do_not_match_give_nothing(frames, table):
 
 
 def test_sprint_starts_weigh_nothing_and_moments_more(table):
-    leaning = dataclasses.replace(
-        table, x=table.x.copy(), y=table.y.copy(), sources=["accad"] * len(table.sources)
-    )
+    own = {"x": table.x.copy(), "y": table.y.copy(), "sources": ["accad"] * len(table.sources)}
+    leaning = dataclasses.replace(table, **own)
     gait = leaning.x[:, 48 + 36 + 186 : 48 + 36 + 186 + 72].reshape(len(table), 12, 6)
     frames = slice(100, 160)
     gait[frames] = 0.0

@@ -99,21 +99,18 @@ def test_the_pace_of_legs_stays_beside_the_arms_torso_and_head_of_others():
     own = np.tile(codes.numpy()[:, None], (1, 6, 1))
     others = own[::-1].copy()
     others[:, 2:4] = own[:, 2:4]
-    np.testing.assert_allclose(
-        own.reshape(4, -1) @ speeds[:-1, 0] + speeds[-1, 0], [0.75, 1.0, 1.25, 1.5], atol=0.02
-    )
-    np.testing.assert_allclose(
-        others.reshape(4, -1) @ speeds[:-1, 0] + speeds[-1, 0], [0.75, 1.0, 1.25, 1.5], atol=0.05
-    )
+    paces = [0.75, 1.0, 1.25, 1.5]
+    found = [codes.reshape(4, -1) @ speeds[:-1, 0] + speeds[-1, 0] for codes in (own, others)]
+    np.testing.assert_allclose(found[0], paces, atol=0.02)
+    np.testing.assert_allclose(found[1], paces, atol=0.05)
 
 
 def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds(frames, tmp_path):  # noqa: F811
     config = preset("tiny")
     torch.manual_seed(0)
     module = Generator(config).eval()
-    normal = Normalisation(
-        torch.zeros(INPUT_SIZE), torch.ones(INPUT_SIZE), torch.zeros(OUTPUT_SIZE), torch.ones(OUTPUT_SIZE)
-    )
+    ends = [value(size) for size in (INPUT_SIZE, OUTPUT_SIZE) for value in (torch.zeros, torch.ones)]
+    normal = Normalisation(*ends)
     style = StyleTable([torch.zeros(1, 64)] * 6, torch.zeros((4, 8, 6), dtype=torch.long))
     weights = np.ones(len(frames.x)) / len(frames.x)
     data = MotionData(frames, normal, style, weights)
@@ -183,10 +180,8 @@ def test_knees_out_of_step_bend_as_the_capture_does_and_half_bent_ones_do_not():
     phase = torch.linspace(0, 2 * torch.pi, 65)[:-1, None]
     captured = 0.6 + 0.6 * phase.sin()
     assert losses.distribution(captured.roll(16, 0), captured, losses.BEND_UNIT_RAD) < 1e-8
-    shrunk = [
-        float(losses.distribution(0.6 + s * phase.sin(), captured, losses.BEND_UNIT_RAD))
-        for s in (0.5, 0.3, 0.1)
-    ]
+    bends = [0.6 + s * phase.sin() for s in (0.5, 0.3, 0.1)]
+    shrunk = [float(losses.distribution(bend, captured, losses.BEND_UNIT_RAD)) for bend in bends]
     assert 0 < shrunk[0] < shrunk[1] < shrunk[2]
     assert losses.distribution(captured[:0], captured[:0], losses.BEND_UNIT_RAD) == 0.0
 
@@ -211,9 +206,8 @@ def test_turns_are_those_of_the_whole_body_about_up_left_and_forward(axis, entri
     angle = 0.3
     turn = np.broadcast_to(rotations.from_axis_angle(np.array(axis), np.array(angle)), (J, 4))
     y = np.zeros((2, OUTPUT_SIZE))
-    y[:, OUTPUT["joint_rotations"]] = rotations.to_6d(
-        np.stack([np.broadcast_to([1.0, 0, 0, 0], (J, 4)), turn])
-    ).reshape(2, -1)
+    turned = np.stack([np.broadcast_to([1.0, 0, 0, 0], (J, 4)), turn])
+    y[:, OUTPUT["joint_rotations"]] = rotations.to_6d(turned).reshape(2, -1)
     joints = np.stack([SPORT_SKELETON.rest_positions, rotations.rotate(turn, SPORT_SKELETON.rest_positions)])
     found = turns(torch.as_tensor(y), torch.as_tensor(joints))
     expected = np.zeros(9)
@@ -279,18 +273,15 @@ def test_pairs_with_the_same_text_are_no_negatives():
     assert losses.contrastive(motion, text, same) < punished
 
 
-# --- captured paths as a stick gives them: straight or round, without the sway of steps ---
-
+# --- captured paths as a stick gives them: straight or round, without the sway of steps
 TIME = np.asarray(TRAJECTORY_OFFSETS) / FPS
 
 
 def one_path(across: np.ndarray, ahead: np.ndarray, yaw: np.ndarray, count: int = 400) -> torch.Tensor:
     """Rows of x with one path and facing."""
     x = torch.rand(1, INPUT_SIZE).expand(count, -1).clone()
-    for name, pair in (
-        ("trajectory_positions", (across, ahead)),
-        ("trajectory_directions", (np.sin(yaw), np.cos(yaw))),
-    ):
+    pairs = {"trajectory_positions": (across, ahead), "trajectory_directions": (np.sin(yaw), np.cos(yaw))}
+    for name, pair in pairs.items():
         x[:, INPUT[name]] = torch.as_tensor(np.stack(pair, -1).ravel(), dtype=torch.float32)
     return x
 

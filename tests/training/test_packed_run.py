@@ -25,9 +25,8 @@ def run(tmp_path):
     torch.manual_seed(1)
     generator = Generator(preset("tiny"))
     save_checkpoint(folder / "stage3_final.pt", {"module": generator.state_dict()})
-    save_checkpoint(
-        folder / "content_final.pt", {"module": {"w": torch.randn(3)}, "config": {"name": "tiny"}}
-    )
+    content = {"module": {"w": torch.randn(3)}, "config": {"name": "tiny"}}
+    save_checkpoint(folder / "content_final.pt", content)
     save_checkpoint(folder / "phase_final.pt", {"module": {"w": torch.randn(3)}})
     save_checkpoint(folder / "scales.pt", {"x_mean": torch.tensor([1e-7, 3.14159274])})
     (folder / "logs").mkdir()
@@ -45,10 +44,8 @@ def test_weights_come_back_in_half_precision_and_scales_exactly(run, tmp_path) -
         assert after[name].dtype == value.dtype
         assert torch.allclose(after[name], value, atol=1e-3, rtol=1e-3)
     Generator(preset("tiny")).load_state_dict(after)
-    assert torch.equal(
-        load_checkpoint(tmp_path / "new" / "scales.pt")["x_mean"],
-        load_checkpoint(run / "scales.pt")["x_mean"],
-    )
+    means = [load_checkpoint(place / "scales.pt")["x_mean"] for place in (tmp_path / "new", run)]
+    assert torch.equal(*means)
     assert load_checkpoint(tmp_path / "new" / "content_final.pt")["config"] == {"name": "tiny"}
     assert History.of_run(tmp_path / "new").steps == {"stage2": [900]}
 
@@ -88,9 +85,7 @@ def test_a_run_is_never_overwritten(run, tmp_path) -> None:
         unpack(tmp_path / "packed.pt", run)
 
 
-# --- history ---
-
-
+# --- history
 def test_a_run_from_nothing_knows_its_own_steps(run) -> None:
     history = History.of_run(run)
     assert history.steps == {"stage2": [900]}

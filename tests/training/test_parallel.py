@@ -62,7 +62,5 @@ def test_only_the_first_process_writes_checkpoints(tmp_path, monkeypatch):
     monkeypatch.setenv("RANK", "1")
     save_checkpoint(tmp_path / "x.pt", {"a": 1})
     assert not (tmp_path / "x.pt").exists()
-    assert (
-        Session(tmp_path, seed=3).batch_generator(2).initial_seed()
-        != Session(tmp_path, seed=3).generator(2).initial_seed()
-    )
+    session = Session(tmp_path, seed=3)
+    assert session.batch_generator(2).initial_seed() != session.generator(2).initial_seed()

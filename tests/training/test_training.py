@@ -101,9 +101,8 @@ def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
 
 def test_lanes_restart_at_the_end_of_their_clip(frames):
     end, y = int(frames.last[0]), torch.zeros(1, 473)
-    lanes = RolloutLanes(
-        frames, 1, 1e9, iter([torch.tensor([end - 6]), torch.tensor([40]), torch.tensor([50])])
-    )
+    rows = [torch.tensor([row]) for row in (end - 6, 40, 50)]
+    lanes = RolloutLanes(frames, 1, 1e9, iter(rows))
     seen = []
     for _ in range(9):
         lanes.draw()

@@ -62,14 +62,9 @@ app.close()
 @pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb here")
 def test_a_shown_window_has_scene_and_panels_at_every_size(tmp_path: Path) -> None:
     with display() as (_, name):
-        done = subprocess.run(
-            [sys.executable, "-c", IN_A_WINDOW, str(tmp_path)],
-            env={**os.environ, "DISPLAY": name, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-            capture_output=True,
-            text=True,
-            timeout=600,
-            check=False,
-        )
+        command = [sys.executable, "-c", IN_A_WINDOW, str(tmp_path)]
+        environment = os.environ | {"DISPLAY": name, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
 
 

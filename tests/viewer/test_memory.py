@@ -24,14 +24,8 @@ print(json.dumps(sorted({name.split(".")[0] for name in sys.modules})))
 def test_a_run_of_the_viewer_loads_no_library_that_it_does_not_use(tmp_path: Path) -> None:
     """With the real model, prompts, character and renderer: each of these libraries costs tens of megabytes."""
     environment = {**os.environ, "SPORT_CONFIG_DIR": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", RUN],
-        cwd=PROJECT_ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-c", RUN]
+    done = subprocess.run(command, cwd=PROJECT_ROOT, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     loaded = set(json.loads(done.stdout.splitlines()[-1]))
     assert {"onnxruntime", "tokenizers", "moderngl"} <= loaded  # it was a real run

@@ -24,6 +24,7 @@ from tests.helpers.app_driver import (
     press,
     record,
     run,
+    save_and_leave,
     titles,
 )
 from tests.helpers.foreign_rigs import RIGS
@@ -66,10 +67,7 @@ def trims(app: App) -> list[tuple[int, int]]:
 
 def saved_and_opened(app: App, path: Path) -> Session:
     """Saved, left, and opened again."""
-    app.sessions.save_as(path)
-    run(app, 2)
-    app.sessions.new()
-    run(app, 2)
+    save_and_leave(app, path)
     assert not app.editor.session.takes
     app.sessions.open(path)
     run(app, 3)
@@ -77,8 +75,6 @@ def saved_and_opened(app: App, path: Path) -> Session:
 
 
 # --- trims
-
-
 @pytest.mark.parametrize("then", ["another plays", "live", "opened"])
 def test_undo_takes_the_trim_back_whatever_was_looked_at_since(app: App, tmp_path: Path, then: str) -> None:
     record(app, 40)
@@ -114,8 +110,6 @@ def test_one_drag_of_a_handle_is_one_step(app: App) -> None:
 
 
 # --- the list
-
-
 def test_a_removal_leaves_what_plays_alone(app: App) -> None:
     for _ in range(3):
         record(app, 10)
@@ -146,8 +140,6 @@ def test_color_and_order_are_chosen_in_the_menu_undone_and_kept(app: App, tmp_pa
 
 
 # --- pins, keys, path
-
-
 def test_undo_removes_the_camera_key_and_not_the_pin_before_it(app: App) -> None:
     record(app, 40)
     play_row(app, 0)
@@ -164,8 +156,6 @@ def test_undo_removes_the_camera_key_and_not_the_pin_before_it(app: App) -> None
 
 
 # --- body and ground
-
-
 def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: Start, tmp_path: Path) -> None:
     app = start(services={"load_character": services.load_character})
     run(app, 2)

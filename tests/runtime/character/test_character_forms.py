@@ -45,9 +45,8 @@ def needs(name: str) -> None:
 def test_the_character_is_the_same(name: str) -> None:
     needs(name)
     plain, other = load_character(PLAIN), load_character(FOLDER / name)
-    assert set(zip(other.joint_names, other.sport_joints, strict=True)) == set(
-        zip(plain.joint_names, plain.sport_joints, strict=True)
-    )
+    joints = set(zip(plain.joint_names, plain.sport_joints, strict=True))
+    assert set(zip(other.joint_names, other.sport_joints, strict=True)) == joints
     assert other.size == pytest.approx(plain.size, abs=1e-4)
     at = [read_meshes(open_gltf(path)).rest_positions() for path in (PLAIN, FOLDER / name)]
     assert cKDTree(at[0]).query(at[1])[0].max() < 1e-4, "metres"

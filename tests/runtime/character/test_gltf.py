@@ -95,9 +95,8 @@ def test_skin_matrices_are_forward_kinematics(mannequin: Character, seed: int) -
 def test_hanging_arms_keep_their_volume(mannequin: Character) -> None:
     local = rotations.identity((31,)).astype(np.float64)
     for side, sign in (("Left", -1.0), ("Right", 1.0)):
-        local[JOINTS.index(side + "Arm")] = rotations.from_axis_angle(
-            np.array([0, 0, 1.0]), np.deg2rad(78 * sign)
-        )
+        angle = np.deg2rad(78 * sign)
+        local[JOINTS.index(side + "Arm")] = rotations.from_axis_angle(np.array([0, 0, 1.0]), angle)
     hips = np.array([0.0, REST_HIPS_HEIGHT, 0.0])
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     pose = Pose(hips, local, positions, world, np.zeros(4), hips * (1, 0, 1), 0.0)
@@ -117,9 +116,8 @@ def mixamo(tmp_path: Path) -> Character:
 
 def joint_positions(character: Character, pose: Pose) -> dict[str, np.ndarray]:
     matrices = character.joint_matrices(pose.positions, pose.world_rotations)
-    return {
-        n.removeprefix("mixamorig:"): m[:3, 3] for n, m in zip(character.joint_names, matrices, strict=True)
-    }
+    places = zip(character.joint_names, matrices[:, :3, 3], strict=True)
+    return {name.removeprefix("mixamorig:"): place for name, place in places}
 
 
 def test_mixamo_joints_are_found(mixamo: Character) -> None:
@@ -178,9 +176,8 @@ def test_turned_and_z_up_characters_face_forward(tmp_path: Path) -> None:
     write_character(tmp_path / "turned.glb", turned)
     write_character(tmp_path / "plain.glb", user)
     pose = make_pose(2)
-    a = skin_vertices(
-        load_character(tmp_path / "turned.glb"), load_character(tmp_path / "turned.glb").skin_matrices(pose)
-    )
+    turned = load_character(tmp_path / "turned.glb")
+    a = skin_vertices(turned, turned.skin_matrices(pose))
     plain = load_character(tmp_path / "plain.glb")
     assert np.allclose(a, skin_vertices(plain, plain.skin_matrices(pose)), atol=1e-3)
 

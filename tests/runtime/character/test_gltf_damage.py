@@ -158,9 +158,8 @@ def test_base_colour_texture_and_rigid_attachment(tmp_path: Path, user_file: tup
     at = character.joint_names.index("mixamorig:LeftHand")
     assert np.all(character.joint_indices[vertices:, 0] == at)
     rest = skin_vertices(character, (character.rest_world @ character.inverse_bind))
-    local = np.concatenate(
-        [character.positions[:vertices] + np.array([0, 3, 0]), np.ones((vertices, 1))], axis=1
-    )
+    raised = character.positions[:vertices] + np.array([0, 3, 0])
+    local = np.concatenate([raised, np.ones((vertices, 1))], axis=1)
     assert np.allclose(rest[vertices:], (local @ character.rest_world[at].T)[:, :3], atol=1e-2)
     (tmp_path / "red.png").write_bytes(b"not a picture")
     expect_error(path, join_glb(changed, blob), "image 0")

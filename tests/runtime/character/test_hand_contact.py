@@ -39,10 +39,8 @@ def stout(character: Character) -> Character:
     y = character.positions[:, 1]
     trunk = np.abs(character.positions[:, 0]) < 0.19
     wide = 1.0 + 0.3 * trunk * np.exp(-(((y - y[trunk].mean() - 0.1) / 0.2) ** 2))
-    return dataclasses.replace(
-        character,
-        positions=(character.positions * np.stack([wide, np.ones_like(wide), wide], 1)).astype(np.float32),
-    )
+    positions = character.positions * np.stack([wide, np.ones_like(wide), wide], 1)
+    return dataclasses.replace(character, positions=positions.astype(np.float32))
 
 
 def reaching(goals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -81,9 +79,8 @@ def depth_cm(character: Character, hips: np.ndarray, local: np.ndarray) -> float
     pose = dataclasses.replace(make_pose(None), positions=positions, world_rotations=world)
     vertices = skin_vertices(character, character.skin_matrices(pose))
     lead = character.joint_indices[np.arange(len(vertices)), character.joint_weights.argmax(1)]
-    names = np.array((*SPORT_SKELETON.names, ""))[
-        character.alignment.source[character.alignment.driver[lead]]
-    ]
+    sources = character.alignment.source[character.alignment.driver[lead]]
+    names = np.array((*SPORT_SKELETON.names, ""))[sources]
     hand = vertices[np.char.startswith(names, "LeftHand")][::4]
     body = np.isin(names, ("Hips", "LHipJoint", "LowerBack", "Spine", "Spine1", "Head"))
     corners = vertices[character.triangles[body[character.triangles].all(1)]]
@@ -125,9 +122,8 @@ def test_a_hand_that_comes_near_is_not_thrown_about(mannequin: Character) -> Non
     shown, turned = clear_hands(mannequin, mannequin.body, positions, world)
     assert np.abs(shown - positions).max() > 0.03
     fingers = rotations.rotate(world[:, HAND, None], mannequin.body.hands[0])
-    ways = [
-        np.linalg.norm(np.diff(at[:, HAND, None] + fingers, axis=0), axis=-1) for at in (positions, shown)
-    ]
+    tips = [at[:, HAND, None] + fingers for at in (positions, shown)]
+    ways = [np.linalg.norm(np.diff(tip, axis=0), axis=-1) for tip in tips]
     assert ways[1].max() < 1.5 * ways[0].max()
     again = SPORT_SKELETON.forward_kinematics(positions[:, 0], SPORT_SKELETON.local_rotations(turned))[0]
     assert np.allclose(again, shown, atol=1e-4), "bones keep their lengths"
@@ -139,14 +135,9 @@ def test_a_hand_that_goes_through_the_body_keeps_its_speed(mannequin: Character)
     """From the front of the hips through them to the back: each frame alone would put it on one side or the other."""
     goals = np.linspace((0.06, 0.0, 0.3), (0.02, 0.0, -0.3), 40)
     positions, world = SPORT_SKELETON.forward_kinematics(*reaching(goals))
-    steps = [
-        np.linalg.norm(np.diff(at[:, HAND], axis=0), axis=-1).max()
-        for at in (
-            positions,
-            clear_hands(mannequin, mannequin.body, positions, world)[0],
-            clear_hands(mannequin, mannequin.body, positions, world, frames=True)[0],
-        )
-    ]
+    cleared = (clear_hands(mannequin, mannequin.body, positions, world, frames=f)[0] for f in (False, True))
+    hands = [at[:, HAND] for at in (positions, *cleared)]
+    steps = [np.linalg.norm(np.diff(hand, axis=0), axis=-1).max() for hand in hands]
     assert steps[1] > 3.0 * steps[0]
     assert steps[2] < 1.3 * steps[0]
 
@@ -197,9 +188,8 @@ def test_fingers_that_point_into_the_waist_lie_along_it(mannequin: Character) ->
     turns = rotations.angle_between(world[:, HAND], turned[:, HAND])
     assert 0.3 < turns.max() <= 1.2 + 1e-6
     assert np.abs(np.diff(turns)).max() < 0.15
-    assert np.linalg.norm(shown[:, HAND] - positions[:, HAND], axis=1).max() < 0.06, (
-        "the wrist stays at the hip"
-    )
+    away = np.linalg.norm(shown[:, HAND] - positions[:, HAND], axis=1)
+    assert away.max() < 0.06, "the wrist stays at the hip"
 
 
 def test_a_hand_on_the_hip_is_there_on_a_character_of_other_proportions(tmp_path: Path) -> None:

@@ -51,19 +51,15 @@ def tree_of(points: Points) -> tuple[JointTree, tuple[str, ...]]:
 
 def test_a_thigh_begins_behind_the_buttock(tmp_path: Path) -> None:
     guess = joints_of(write_odd(tmp_path / "odd.glb", BUTTOCKS))
-    assert [guess.names[guess.found[j]] for j in ("LeftUpLeg", "LeftLeg", "LeftFoot")] == [
-        "L t",
-        "L k",
-        "L n",
-    ]
+    found = [guess.names[guess.found[j]] for j in ("LeftUpLeg", "LeftLeg", "LeftFoot")]
+    assert found == ["L t", "L k", "L n"]
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["CMU's names", "no known names"])
 def test_knees_of_43_joints_bend_as_in_the_file(tmp_path: Path, known: bool) -> None:
     tree, names = tree_of(BUTTOCKS)
-    offsets = tree.positions - np.where(
-        np.array(tree.parents)[:, None] >= 0, tree.positions[list(tree.parents)], 0.0
-    )
+    above = tree.positions[list(tree.parents)]
+    offsets = tree.positions - np.where(np.array(tree.parents)[:, None] >= 0, above, 0.0)
     daz = {"a": "hip", "b": "abdomen", "c": "chest", "d": "neck", "e": "head", "L o": "lButtock", "L t": "lThigh",
            "L k": "lShin", "L n": "lFoot", "L c": "lCollar", "L s": "lShldr", "L f": "lForeArm", "L h": "lHand"}  # fmt: skip
     daz |= {"R" + key[1:]: "r" + name[1:] for key, name in daz.items() if key.startswith("L ")}
@@ -180,9 +176,8 @@ def test_sides_that_do_not_fit_the_toes_are_not_believed() -> None:
     right = {joint: names.index(name) for joint, name in told.items()}
     assert refusals(right, tree) == {}
     assert not on_four_legs(right, tree)
-    crossed = right | {
-        joint: right[_other(joint)] for joint in right if joint[4:] in ("Arm", "ForeArm") or "Hand" in joint
-    }
+    arms = [joint for joint in right if joint[4:] in ("Arm", "ForeArm") or "Hand" in joint]
+    crossed = right | {joint: right[_other(joint)] for joint in arms}
     assert set(refusals(crossed, tree)) == {"LeftArm", "RightArm"}
     mirrored = {_other(joint): k for joint, k in right.items()}
     assert {"LeftUpLeg", "RightUpLeg"} <= set(refusals(mirrored, tree))

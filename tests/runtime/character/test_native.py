@@ -54,9 +54,8 @@ def test_an_fbx_of_very_many_nodes_is_refused_before_they_are_read(tmp_path: Pat
     pytest.importorskip("ufbx", reason="needs the extra [characters]")
     nodes = "".join(f'Model: {k + 9},"Model::","Null" {{}}\n' for k in range(27_000))
     path = tmp_path / "bomb.fbx"
-    path.write_text(
-        f"; FBX 7.4.0 project file\nFBXHeaderExtension: {{\n FBXVersion: 7400\n}}\nObjects: {{\n{nodes}}}\n"
-    )
+    head = "; FBX 7.4.0 project file\nFBXHeaderExtension: {\n FBXVersion: 7400\n}\nObjects: {\n"
+    path.write_text(f"{head}{nodes}}}\n")
     with pytest.raises(FileError, match=r"damaged \(an FBX: ValueError: 27001 nodes"):
         load_character(path)
 

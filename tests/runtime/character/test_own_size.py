@@ -64,12 +64,8 @@ def soles(character: Character, side: str) -> Character:
     lead = character.joint_indices[np.arange(len(character.positions)), character.joint_weights.argmax(1)]
     names = np.array(character.joint_names)[lead]
     own = np.isin(names, [side + "Foot", side + "ToeBase"])
-    return replace(
-        character,
-        positions=character.positions[own],
-        joint_indices=character.joint_indices[own],
-        joint_weights=character.joint_weights[own],
-    )
+    arrays = ("positions", "joint_indices", "joint_weights")
+    return replace(character, **{name: getattr(character, name)[own] for name in arrays})
 
 
 def rolled(pitch: float, toe_contact: float) -> Any:
@@ -87,17 +83,11 @@ def rolled(pitch: float, toe_contact: float) -> Any:
     local[upper] = rotations.from_axis_angle(axis, np.array(-0.5 * bend))
     local[leg] = rotations.from_axis_angle(axis, np.array(bend))
     local[foot] = rotations.from_axis_angle(axis, np.array(-pitch - 0.5 * bend))
-    local[SPORT_SKELETON.index("LeftToeBase")] = rotations.from_axis_angle(
-        axis, np.array(min(pitch, 0.0) * 0.3)
-    )
+    toe = rotations.from_axis_angle(axis, np.array(min(pitch, 0.0) * 0.3))
+    local[SPORT_SKELETON.index("LeftToeBase")] = toe
     contacts = np.array([[1.0 - toe_contact, toe_contact, 1.0, 1.0]])
-    return Clip(
-        "roll",
-        60.0,
-        clip_hips[None].astype(np.float32),
-        local[None].astype(np.float32),
-        contacts.astype(np.float32),
-    ).pose(0)
+    frames = [values.astype(np.float32) for values in (clip_hips[None], local[None], contacts)]
+    return Clip("roll", 60.0, *frames).pose(0)
 
 
 @pytest.mark.parametrize("pitch", [0.0, -0.3, -0.7, -1.0, 0.2, 0.35])
@@ -140,9 +130,8 @@ def test_files_hold_metres_of_the_character(body: Path, tmp_path: Path) -> None:
     fitted = replace(options, fit_to_motion=True)
     save_glb(prepare(replace(clip, size=1.0), fitted, None), tmp_path / "fit.glb", fitted, None)
     shown = play(tmp_path / "fit.glb").joints()
-    assert np.linalg.norm(shown["LeftLeg"][0, :3, 3] - shown["LeftUpLeg"][0, :3, 3]) == pytest.approx(
-        thigh / character.size, rel=1e-3
-    )
+    found = np.linalg.norm(shown["LeftLeg"][0, :3, 3] - shown["LeftUpLeg"][0, :3, 3])
+    assert found == pytest.approx(thigh / character.size, rel=1e-3)
 
 
 def test_a_bvh_keeps_the_size(tmp_path: Path) -> None:

@@ -83,10 +83,8 @@ def test_feet_go_apart() -> None:
 
 
 def test_a_narrow_foot_lands_before_the_one_that_stands_wherever_the_network_has_it() -> None:
-    edit, (left, right) = (
-        LegEdit(),
-        (leg_forward(leg_bones(k), (0.0, 0.93, 0.0), [(1.0, 0.0, 0.0, 0.0)] * J) for k in (0, 1)),
-    )
+    edit, still = LegEdit(), [(1.0, 0.0, 0.0, 0.0)] * J
+    left, right = (leg_forward(leg_bones(k), (0.0, 0.93, 0.0), still) for k in (0, 1))
     stands = (0.04, ANKLE_HEIGHT, 0.4)  # the right foot is held 4 cm to the left of the hips
     request = EditRequest(asked(outward=0.0).tolist(), 0.0, (0.0, 1.2), 0.0, (left.ankle, stands))
     before = abs(left.ankle[0] - stands[0])
@@ -110,9 +108,8 @@ def test_hips_that_are_low_already_are_not_raised() -> None:
 def test_heels_rise_over_the_toes_and_toes_turn() -> None:
     plain = plain_walk()
     tiptoe = walk(asked(pitch=28.0))
-    rise = (tiptoe[:, ik.LEG_FEET, 1] - tiptoe[:, ik.LEG_TOES, 1]) - (
-        plain[:, ik.LEG_FEET, 1] - plain[:, ik.LEG_TOES, 1]
-    )
+    heights = [joints[:, ik.LEG_FEET, 1] - joints[:, ik.LEG_TOES, 1] for joints in (tiptoe, plain)]
+    rise = heights[0] - heights[1]
     assert rise.min() > 0.03
     duck = walk(asked(toe_out=25.0))
     toes = duck[:, ik.LEG_TOES] - duck[:, ik.LEG_FEET]
@@ -131,9 +128,8 @@ def test_a_straight_leg_bends_little_more_than_it_is_asked() -> None:
 def test_a_straight_leg_that_stands_lifts_the_hips_and_stays_where_it_is() -> None:
     edit, rest = LegEdit(), [(1.0, 0.0, 0.0, 0.0)] * J
     _, thigh, shin, *_ = leg_bones(0).joints
-    rest[thigh], rest[shin] = (
-        (np.cos(a), np.sin(a), 0.0, 0.0) for a in (-0.17, 0.34)
-    )  # a knee of 39 degrees
+    turns = [(np.cos(a), np.sin(a), 0.0, 0.0) for a in (-0.17, 0.34)]
+    rest[thigh], rest[shin] = turns  # a knee of 39 degrees
     bent = leg_forward(leg_bones(0), (0.0, 0.93, 0.0), rest)
     request = EditRequest(asked(knee=33.0).tolist(), 0.0, (0.0, 1.0), 0.0)
     for _ in range(90):
@@ -143,10 +139,8 @@ def test_a_straight_leg_that_stands_lifts_the_hips_and_stays_where_it_is() -> No
 
 
 def test_a_low_foot_hardly_leaves_the_ground() -> None:
-    lifts = [
-        np.ptp(walk(targets)[:, ik.LEG_FEET, 1], axis=0).max()
-        for targets in (np.zeros(SHAPE[1:]), asked(lift=0.03))
-    ]
+    feet = [walk(targets)[:, ik.LEG_FEET, 1] for targets in (np.zeros(SHAPE[1:]), asked(lift=0.03))]
+    lifts = [np.ptp(heights, axis=0).max() for heights in feet]
     assert lifts[0] > 0.07
     assert lifts[1] < 0.045
 
@@ -168,9 +162,8 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
     assert up < -0.1
     assert edit.active
     for _ in range(300):
-        up, legs = edit.apply(
-            0.93, (leg, leg), [0.0] * 4, asks._replace(targets=np.zeros(SHAPE[1:]).tolist())
-        )
+        nothing = asks._replace(targets=np.zeros(SHAPE[1:]).tolist())
+        up, legs = edit.apply(0.93, (leg, leg), [0.0] * 4, nothing)
     assert not edit.active
     assert up == pytest.approx(0.0, abs=1e-6)
     assert legs[0].ankle == pytest.approx(leg.ankle, abs=1e-6)
@@ -188,8 +181,6 @@ def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: floa
 
 
 # --- words
-
-
 @pytest.mark.parametrize(
     ("sentence", "found"),
     [
@@ -213,11 +204,8 @@ def test_a_sentence_asks_for_numbers(sentence: str, found: dict[str, tuple[float
 
 
 def test_the_network_does_not_read_what_the_edit_shows_alone() -> None:
-    line = replace(
-        PLAIN,
-        left_leg="left foot placed on one line, narrow stance",
-        right_leg="right foot turned inward, pigeon-toed, right leg taking short steps",
-    )
+    left, right = "left foot placed on one line, narrow stance", "right foot turned inward, pigeon-toed"
+    line = replace(PLAIN, left_leg=left, right_leg=f"{right}, right leg taking short steps")
     read = left_to_network(line)
     assert read.left_leg == "left leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
     assert read.right_leg == "right leg taking short steps"
@@ -226,11 +214,8 @@ def test_the_network_does_not_read_what_the_edit_shows_alone() -> None:
 
 
 def test_legs_of_a_blend_are_between_those_of_its_prompts() -> None:
-    wide = replace(
-        PLAIN,
-        left_leg="left leg walking with a wide stance",
-        right_leg="right leg walking with a wide stance",
-    )
+    legs = {f"{side}_leg": f"{side} leg walking with a wide stance" for side in ("left", "right")}
+    wide = replace(PLAIN, **legs)
     line = replace(PLAIN, left_leg="left foot placed on one line", right_leg="right foot placed on one line")
     half = blended_targets(wide, line, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(half[:, 0], 0.5 * (edit_targets(wide) + edit_targets(line))[:, 0])

@@ -42,9 +42,8 @@ def sway(
         local = np.tile([1.0, 0.0, 0.0, 0.0], (J, 1))
         local[0] = rotations.from_yaw(np.array(yaw))
         spine = SPORT_SKELETON.index("LowerBack")
-        local[spine] = rotations.from_axis_angle(
-            np.array([0.0, 0.0, 1.0]), np.array(np.radians(-roll * wave))
-        )
+        angle = np.array(np.radians(-roll * wave))
+        local[spine] = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), angle)
         hips = np.array([0.0, 0.98, 0.0]) + swing * wave * side
         hips[1] -= 0.015 * np.cos(4.0 * np.pi * k / 60.0)
         posed, legs = (hips, local, np.ones(4)), None
@@ -100,9 +99,8 @@ def folding(axis: tuple[float, float, float], lean: float, frames: int = 90) -> 
         angle = np.radians(min(k / 45.0, 1.0) * lean + 5.0)
         local[spine] = rotations.from_axis_angle(np.array(axis), np.array(angle))
         edits.trunk.watch(np.degrees(angle) * axis[0] - 5.0, 0.0, 20.0)
-        posed = edits.apply(
-            np.array([0.0, 0.98, 0.0]), local, np.ones(4), EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0)
-        )
+        request = EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0)
+        posed = edits.apply(np.array([0.0, 0.98, 0.0]), local, np.ones(4), request)
         shown = SPORT_SKELETON.forward_kinematics(posed.hips, posed.local)
         found.append(angles((shown[0][None], shown[1][None]), 0.0)[0, LEAN if axis[0] else ASIDE])
     return found
@@ -131,10 +129,8 @@ def test_a_fold_that_goes_on_raises_its_own_bound_slowly() -> None:
 
 
 def test_the_head_looks_where_it_looked() -> None:
-    plain, turned = (
-        rotations.rotate(sway(t)[1][-1, SPORT_SKELETON.index("Head")], np.array([0.0, 0.0, 1.0]))
-        for t in (None, asked(twist=24.0))
-    )
+    heads = [sway(t)[1][-1, SPORT_SKELETON.index("Head")] for t in (None, asked(twist=24.0))]
+    plain, turned = (rotations.rotate(head, np.array([0.0, 0.0, 1.0])) for head in heads)
     assert np.degrees(np.arccos(plain @ turned)) < 12.0
 
 
@@ -156,11 +152,8 @@ def test_shoulders_rise_and_arms_hang_on() -> None:
     for joint in ("LeftArm", "RightArm", "LeftHand", "RightHand"):
         rises = edited[0][-1] - plain[0][-1]
         assert 0.03 < rises[SPORT_SKELETON.index(joint), 1] < 0.09
-    np.testing.assert_allclose(
-        edited[1][-1][SPORT_SKELETON.index("LeftHand")],
-        plain[1][-1][SPORT_SKELETON.index("LeftHand")],
-        atol=1e-6,
-    )
+    hand = SPORT_SKELETON.index("LeftHand")
+    np.testing.assert_allclose(edited[1][-1][hand], plain[1][-1][hand], atol=1e-6)
 
 
 def test_what_does_more_than_is_said_is_left_alone() -> None:
@@ -184,9 +177,8 @@ def test_a_trunk_turns_back_without_a_jump() -> None:
     asked_for, heads = asked(twist=24.0, lean=7.0), []  # upright is no longer counted as -5
     for k in range(600):
         targets = asked_for if k < 200 else np.zeros(SHAPE[1:])
-        posed = edits.apply(
-            np.array([0.0, 0.98, 0.0]), local, np.ones(4), EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0)
-        )
+        request = EditRequest(targets.tolist(), 0.0, (0.0, 0.0), 0.0)
+        posed = edits.apply(np.array([0.0, 0.98, 0.0]), local, np.ones(4), request)
         place, _ = SPORT_SKELETON.forward_kinematics(posed.hips, posed.local)
         heads.append(place[SPORT_SKELETON.index("RightArm")])
     assert not edits.active

@@ -172,9 +172,8 @@ def tilted(hips, local, rise):
 @pytest.mark.parametrize("drift", [0.0, 0.08, -0.08])
 def test_straight_knees_stay_straight(rise, drift):
     hips, local, contacts = walk(8 * CYCLE_FRAMES, (0.0, drift), straight=True)
-    ground = Terrain(
-        "slope", np.repeat(rise * np.linspace(-20, 20, 81)[None], 81, axis=0), 0.5, (-20.0, -20.0)
-    )
+    heights = np.repeat(rise * np.linspace(-20, 20, 81)[None], 81, axis=0)
+    ground = Terrain("slope", heights, 0.5, (-20.0, -20.0))
     hips, local = tilted(hips, local, rise)
     before, (after, _) = forward(hips, local), planted(hips, local, contacts, ground)
     incoming, outgoing = (knee_flexion(p)[20:] for p in (before, after))
@@ -203,9 +202,8 @@ def test_feet_of_a_stander_lie_flat_on_a_slope():
     positions, _ = planted(*standing(60), ground)
     toes, ankles = positions[-1, TOES].astype(float), positions[-1, ANKLES].astype(float)
     assert toes[:, 1] - ground.height(toes[:, 0], toes[:, 2]) == pytest.approx([TOE_HEIGHT] * 2, abs=0.004)
-    assert ankles[:, 1] - ground.height(ankles[:, 0], ankles[:, 2]) == pytest.approx(
-        [ANKLE_HEIGHT] * 2, abs=0.008
-    )
+    above = ankles[:, 1] - ground.height(ankles[:, 0], ankles[:, 2])
+    assert above == pytest.approx([ANKLE_HEIGHT] * 2, abs=0.008)
 
 
 def test_hips_sink_smoothly_where_the_ground_falls_away():

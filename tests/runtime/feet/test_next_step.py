@@ -63,14 +63,8 @@ def test_a_foot_is_led_behind_what_it_would_come_down_on():
 
 def test_a_foot_is_high_enough_before_it_is_over_an_edge():
     step = NextStep(way_z=1.2, metres=0.6, seconds=0.4)
-    bar = PointHeights(
-        Terrain(
-            "bar",
-            np.where(np.abs(np.arange(80) * 0.05 - 2.3) < 0.06, 0.4, 0.0)[None].repeat(3, 0),
-            0.05,
-            (-0.05, -2.0),
-        )
-    )
+    heights = np.where(np.abs(np.arange(80) * 0.05 - 2.3) < 0.06, 0.4, 0.0)[None].repeat(3, 0)
+    bar = PointHeights(Terrain("bar", heights, 0.05, (-0.05, -2.0)))
     lifts = [step.lift((((0.0, 0.1, z), 0.1),), bar) for z in (-0.4, -0.25, 0.1)]
     assert lifts[0] == 0.0 < lifts[1] < lifts[2]
     assert lifts[2] == pytest.approx(0.35, abs=0.02)
@@ -79,9 +73,8 @@ def test_a_foot_is_high_enough_before_it_is_over_an_edge():
 
 def test_a_foot_rises_before_its_shin_is_in_a_bar():
     """The knee is over the bar, the ankle well behind it: the line between them has to pass over its near edge."""
-    step = NextStep(
-        way_z=1.2, metres=0.5, seconds=0.4, knee=(0.0, 0.7, 0.05), over=SteppedOver(length=0.1, top=0.5)
-    )
+    over = SteppedOver(length=0.1, top=0.5)
+    step = NextStep(way_z=1.2, metres=0.5, seconds=0.4, knee=(0.0, 0.7, 0.05), over=over)
     low, high = (((0.0, y, -0.3), y - ANKLE_HEIGHT) for y in (0.2, 0.7))
     toe = ((0.0, 0.1, -0.2), 0.1)
     assert step.lift((toe, low), FLAT) > 0.25

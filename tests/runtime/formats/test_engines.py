@@ -55,9 +55,8 @@ def test_a_plain_rig_moves_as_the_characters_own(name: str, tmp_path: Path) -> N
 
 def test_several_takes_share_a_file_without_meshes(tmp_path: Path) -> None:
     other = save_bvh(CLIP, tmp_path / "other.bvh", 30.0)
-    options = ExportOptions(
-        fps=30.0, engine="unreal", humanoid_names=True, animation_only=True, with_takes=(other, other)
-    )
+    chosen = {"engine": "unreal", "humanoid_names": True, "animation_only": True}
+    options = ExportOptions(fps=30.0, with_takes=(other, other), **chosen)
     save_motion(CLIP, tmp_path / "takes.glb", options, FLAT)
     gltf = GLTF2.load(str(tmp_path / "takes.glb"))
     assert [animation.name for animation in gltf.animations] == ["proud walk", "other", "other-3"]

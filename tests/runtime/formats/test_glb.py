@@ -35,10 +35,8 @@ HILLS = load_terrain("hills")
 def clip() -> Clip:
     """A walk that turns, over hills, with arms that move."""
     hips, local, contacts = walk(90, drift=(0.3, 0.0), terrain=HILLS)
-    turn = rotations.from_axis_angle(
-        np.tile([0.2, 0.9, 0.3], (90, 31, 1)) / np.linalg.norm([0.2, 0.9, 0.3]),
-        0.4 * np.sin(np.arange(90)[:, None] / 20 + np.arange(31)),
-    )
+    axis = np.tile([0.2, 0.9, 0.3], (90, 31, 1)) / np.linalg.norm([0.2, 0.9, 0.3])
+    turn = rotations.from_axis_angle(axis, 0.4 * np.sin(np.arange(90)[:, None] / 20 + np.arange(31)))
     local = rotations.multiply(local, turn).astype(np.float32)
     gaits = np.repeat([1, 2], 45).astype(np.int8)
     prompts = (PromptEvent(0.0, "a proud queen"), PromptEvent(0.8, "drunk", 0.5))

@@ -16,9 +16,8 @@ def test_a_take_holds_what_it_uses_and_no_offsets_without_bytes(tmp_path: Path) 
     source = sparse_rig(tmp_path / "sparse.glb")
     hips, local, contacts = walk(20)
     options = ExportOptions(character=source)
-    save_glb(
-        prepare(Clip("walk", 60.0, hips, local, contacts), options), tmp_path / "take.glb", options, None
-    )
+    take = prepare(Clip("walk", 60.0, hips, local, contacts), options)
+    save_glb(take, tmp_path / "take.glb", options, None)
     document, _ = split_glb((tmp_path / "take.glb").read_bytes())
     sparse = [accessor for accessor in document["accessors"] if "sparse" in accessor]
     assert len(sparse) == 1

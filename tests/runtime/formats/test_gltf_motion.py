@@ -30,9 +30,8 @@ BONES = [("LeftUpLeg", "LeftLeg"), ("RightLeg", "RightFoot"), ("LeftArm", "LeftF
 @pytest.fixture(scope="module")
 def clip() -> Clip:
     hips, local, contacts = walk(60)
-    turn = rotations.from_rotation_vector(
-        0.2 * np.sin(np.arange(60)[:, None, None] / 9 + np.arange(93).reshape(31, 3))
-    )
+    waves = np.sin(np.arange(60)[:, None, None] / 9 + np.arange(93).reshape(31, 3))
+    turn = rotations.from_rotation_vector(0.2 * waves)
     return Clip("walk", 30.0, hips, rotations.multiply(local, turn).astype(np.float32), contacts)
 
 
@@ -176,9 +175,8 @@ def body(frames: int = 31, fps: float = 30.0, moving: str = "Hips") -> tuple[lis
     """Centimetre bones of a body without a mesh, under a node that scales and turns it, walking."""
     points, rng = rest_points(), np.random.default_rng(2)
     turn = rotations.from_axis_angle(np.array([1.0, 0, 0]), np.array(-np.pi / 2))
-    nodes: list[dict] = [
-        {"name": "Armature", "scale": [0.01] * 3, "rotation": turn[[1, 2, 3, 0]].tolist(), "children": [1]}
-    ]
+    top = {"name": "Armature", "scale": [0.01] * 3, "children": [1]}
+    nodes: list[dict] = [top | {"rotation": turn[[1, 2, 3, 0]].tolist()}]
     keys: list[Keys] = []
     for name in BONES_OF_FILE:
         above = _MIXAMO_PARENTS[name]
@@ -216,9 +214,8 @@ def test_a_body_without_a_mesh_is_where_another_reader_has_it(moving: str, tmp_p
     opened = open_take(path)
     assert opened.reference.joints >= 22
     shot = camera(nodes, [0.0, 40.0])
-    beside = read_gltf_motion(
-        animated(tmp_path / "b.glb", nodes, ("walk", [shot, *keys]), cameras=[{"type": "perspective"}])
-    )
+    lens = [{"type": "perspective"}]
+    beside = read_gltf_motion(animated(tmp_path / "b.glb", nodes, ("walk", [shot, *keys]), cameras=lens))
     assert np.array_equal(beside.positions, motion.positions), "a camera that moves longer is not of the body"
     assert "Camera" not in beside.skeleton.names
 

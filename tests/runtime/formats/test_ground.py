@@ -52,9 +52,8 @@ def test_feet_stand_on_the_ground_beside_the_take(
     wanted = HILLS.height(clip.hips_positions[::40, 0], clip.hips_positions[::40, 2])
     over = clip.hips_positions[::40, 1] - wanted
     assert np.allclose(hips[:, 1] - heights_under(mesh, hips), over * scale, atol=0.04 * scale)
-    up = np.cross(*(np.asarray(mesh.triangles)[:, k] - np.asarray(mesh.triangles)[:, 0] for k in (1, 2)))[
-        :, 1
-    ]
+    corners = np.asarray(mesh.triangles)
+    up = np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2)))[:, 1]
     assert (up > 0).all(), "counter-clockwise from above"
 
 
@@ -82,10 +81,9 @@ def test_a_level_ground_is_two_triangles_and_a_large_one_is_cut(
 
 
 def test_no_ground_beside_a_take_that_does_not_go_over_it(clip: Clip, tmp_path: Path) -> None:
+    options = ExportOptions(in_place=True, ground_out=tmp_path / "g.obj")
     with pytest.raises(UsageError, match="in_place"):
-        save_motion(
-            clip, tmp_path / "t.bvh", ExportOptions(in_place=True, ground_out=tmp_path / "g.obj"), HILLS
-        )
+        save_motion(clip, tmp_path / "t.bvh", options, HILLS)
     with pytest.raises(UsageError, match=r"ground_out .*expected \.obj or \.glb"):
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(ground_out=tmp_path / "g.stl"), HILLS)
     with pytest.raises(UsageError, match=r"\.glb, \.fbx, \.usdz, \.usd have it"):

@@ -28,9 +28,8 @@ from tests.helpers.walker import walk
 CHARACTERS = Path(__file__).parents[1] / "character" / "characters"
 FPS, FRAMES, MM = 30.0, 24, 1e-3
 PROMPTS = (PromptEvent(0.0, "proud"), PromptEvent(0.3, "drunk", 0.1))
-CLIP = Clip(
-    "a walk", FPS, *walk(FRAMES), prompts=PROMPTS, gaits=np.repeat([1, 2], FRAMES // 2).astype(np.int8)
-)
+GAITS = np.repeat([1, 2], FRAMES // 2).astype(np.int8)
+CLIP = Clip("a walk", FPS, *walk(FRAMES), prompts=PROMPTS, gaits=GAITS)
 SHAPES = {
     "tall": BodyShape(height=1.4),
     "small": BodyShape(height=0.6, legs=0.9),
@@ -95,9 +94,10 @@ def test_what_a_take_tells_comes_back(build: str, suffix: str, root: bool, tmp_p
     path, take, _ = exported(build, suffix, tmp_path, ground_root=root and suffix != ".vrma")
     back = open_take(path).clip
     assert (len(back), back.fps) == (FRAMES, FPS)
-    assert [(p.seconds, p.prompt, p.transition_seconds) for p in back.prompts] == [
-        (p.seconds, p.prompt, p.transition_seconds) for p in PROMPTS
-    ]
+    found, wanted = (
+        [(p.seconds, p.prompt, p.transition_seconds) for p in all] for all in (back.prompts, PROMPTS)
+    )
+    assert found == wanted
     assert np.array_equal(back.gaits, take.clip.gaits)
     np.testing.assert_allclose(back.contacts, take.clip.contacts, atol=1e-3)
     again = prepare(back, ExportOptions(fps=FPS))

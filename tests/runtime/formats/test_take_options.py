@@ -82,9 +82,8 @@ def test_a_take_in_place_keeps_its_root_still_when_it_is_written_again(tmp_path:
 
 def test_in_place_on_a_hill_stays_on_one_level() -> None:
     hips, local, contacts = walk(700, terrain=HILLS)
-    take = prepare(
-        Clip("up", 60.0, hips, local, contacts, terrain="hills"), ExportOptions(in_place=True), HILLS
-    )
+    clip = Clip("up", 60.0, hips, local, contacts, terrain="hills")
+    take = prepare(clip, ExportOptions(in_place=True), HILLS)
     assert np.ptp(hips[:, 1]) > 0.25
     assert np.ptp(take.clip.hips_positions[:, 1]) < 0.6 * np.ptp(hips[:, 1])
 
@@ -149,9 +148,8 @@ def test_a_take_that_was_moved_finds_its_ground_again(tmp_path: Path) -> None:
     assert moved.placed != (0.0, 0.0, 0.0, 0.0)
     assert np.allclose(on_its_ground(moved).world()[0], clip.world()[0], atol=1e-3)
     again = prepare(moved, ExportOptions(), HILLS)
-    assert np.allclose(again.clip.world()[0], moved.world()[0], atol=1e-3), (
-        "it stays where it was exported to"
-    )
+    # it stays where it was exported to
+    assert np.allclose(again.clip.world()[0], moved.world()[0], atol=1e-3)
 
 
 def test_gaits_and_typed_prompts_come_back(tmp_path: Path) -> None:

@@ -27,9 +27,8 @@ OURS = {"hips": "Hips", "spine": "LowerBack", "chest": "Spine", "upperChest": "S
 def clip() -> Clip:
     """A walk in which every joint turns a little, those that no VRM has too."""
     hips, local, contacts = walk(90)
-    turn = rotations.from_rotation_vector(
-        0.03 * np.sin(np.arange(90)[:, None, None] / 9 + np.arange(93).reshape(31, 3))
-    )
+    waves = np.sin(np.arange(90)[:, None, None] / 9 + np.arange(93).reshape(31, 3))
+    turn = rotations.from_rotation_vector(0.03 * waves)
     return Clip("a walk", 60.0, hips, rotations.multiply(local, turn).astype(np.float32), contacts)
 
 

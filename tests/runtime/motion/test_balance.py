@@ -35,10 +35,8 @@ def _glider(seconds: float, sway: float = 0.0) -> list[tuple[np.ndarray, tuple[b
             own = 0.5 * (steps + k)
             whole, of_stride = divmod(own, 1.0)
             swing = max(2.0 * of_stride - 1.0, 0.0)
-            place = (
-                2.0 * SPEED / STEPS_PER_S * (whole + 0.5 * (1 - np.cos(np.pi * swing)) + 0.25)
-                - k * SPEED / STEPS_PER_S
-            )
+            done = 2.0 * (whole + 0.5 * (1 - np.cos(np.pi * swing)) + 0.25) - k
+            place = done * SPEED / STEPS_PER_S
             side = 0.09 * (1 - 2 * k)
             joints[ANKLES[k]] = side, 0.08, place - 0.06
             joints[TOES[k]] = side, 0.04, place + 0.06
@@ -61,9 +59,8 @@ def _driven(
         shown[:, [0, 2]] += legs[:, None] * shift
         way = np.array([[0.0, SPEED]])
         goes = steady if isinstance(steady, bool) else number < steady
-        shift = balance.update(
-            shown[None].astype(np.float32), np.zeros(1), way, [stands], [goes], [composed]
-        )[0]
+        posed = shown[None].astype(np.float32)
+        shift = balance.update(posed, np.zeros(1), way, [stands], [goes], [composed])[0]
         shifts.append(shift)
     return balance, np.array(shifts)
 

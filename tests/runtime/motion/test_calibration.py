@@ -21,14 +21,10 @@ def calibration(*rows: tuple[int, np.ndarray, float, float | tuple[float, float]
     """Of codes with part, lead and gain (or two: alone, beside others); neutral is zero."""
     parts, codes, leads, gains = ([row[k] for row in rows] for k in range(4))
     gains = [gain if isinstance(gain, tuple) else (gain, gain) for gain in gains]
-    return Calibration(
-        np.array(parts, np.int64),
-        np.array(codes, np.float32).reshape(-1, 64),
-        np.array(leads, np.float32),
-        np.array(gains, np.float32).reshape(-1, 2),
-        np.full(len(parts), SPREAD, np.float32),
-        np.zeros((6, 64), np.float32),
-    )
+    leads, neutral = np.array(leads, np.float32), np.zeros((6, 64), np.float32)
+    codes, gains = np.array(codes, np.float32).reshape(-1, 64), np.array(gains, np.float32).reshape(-1, 2)
+    spread = np.full(len(parts), SPREAD, np.float32)
+    return Calibration(np.array(parts, np.int64), codes, leads, gains, spread, neutral)
 
 
 def code(part: int, values: np.ndarray) -> np.ndarray:

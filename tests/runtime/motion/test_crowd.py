@@ -37,9 +37,8 @@ def characters(model: MotionModel, terrain: Terrain, count: int = 3) -> list[Con
 
 def stick(frame: int) -> Controls:
     gait = Gait.JUMP if frame == 30 else Gait.JOG if frame > 20 else Gait.WALK
-    return Controls(
-        (float(np.sin(frame / 9)), float(np.cos(frame / 9))), (0.0, 1.0) if frame > 40 else None, gait
-    )
+    way = (float(np.sin(frame / 9)), float(np.cos(frame / 9)))
+    return Controls(way, (0.0, 1.0) if frame > 40 else None, gait)
 
 
 def same(one: Pose, two: Pose, exact: bool = False) -> bool:

@@ -67,15 +67,13 @@ def test_the_mirrored_input_is_the_input_of_the_mirrored_world(seed: int) -> Non
             joint_velocities=velocities,
         )
 
-    np.testing.assert_allclose(
-        MIRROR.of_input(build_input(parts(1.0))), build_input(parts(-1.0)), rtol=0, atol=2e-6
-    )
+    found, wanted = MIRROR.of_input(build_input(parts(1.0))), build_input(parts(-1.0))
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=2e-6)
 
 
 def test_the_code_of_mirrored_words_is_the_mirrored_code(model: MotionModel, prompter: Prompter) -> None:
-    said = prompter.expand(
-        "limping on the left leg, right hand on the hip, head tilted to the left"
-    ).descriptions
+    text = "limping on the left leg, right hand on the hip, head tilted to the left"
+    said = prompter.expand(text).descriptions
     encoder = PromptEncoder(prompter.text_encoder, model.prompt_path)  # words as they are
     code = encoder.encode(said)
     assert np.abs(encoder.encode(said.mirrored()) - mirrored_code(code)).max() < 0.3

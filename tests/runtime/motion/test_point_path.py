@@ -28,9 +28,8 @@ def slide(walk: PathWalk, seconds: float, metres_per_second: float = 1.4) -> lis
 
 
 def test_every_leg_has_its_gait_and_the_crossing_is_not_cut() -> None:
-    path = PointPath(
-        (Waypoint(0.0, 6.0), Waypoint(3.0, 3.0, 0.5, Gait.CROUCH), Waypoint(-3.0, 3.0, 1.0, Gait.JOG))
-    )
+    points = Waypoint(0.0, 6.0), Waypoint(3.0, 3.0, 0.5, Gait.CROUCH), Waypoint(-3.0, 3.0, 1.0, Gait.JOG)
+    path = PointPath(points)
     walk = path.walk_from(HERE)
     rows = slide(walk, 20.0)
     assert walk.arrived

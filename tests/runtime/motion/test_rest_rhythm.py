@@ -15,16 +15,14 @@ WAVING[3] = 2.0, 1.6
 
 def run(clock: RestRhythm, rest: np.ndarray, standing: float, seconds: float) -> np.ndarray:
     """The window of every frame, `(T, 121, C, 2)`, of a network whose forecast stands still."""
-    return np.concatenate(
-        [clock.apply(STILL[None], rest[None], np.array([standing])) for _ in range(round(seconds * FPS))]
-    )
+    rest, standing = rest[None], np.array([standing])
+    return np.concatenate([clock.apply(STILL[None], rest, standing) for _ in range(round(seconds * FPS))])
 
 
 def test_a_waving_channel_turns_at_its_rate_and_the_others_stand_still():
     windows = run(RestRhythm.silent(), WAVING, 1.0, 5.0)
-    assert windows[:, :, [0, 1, 2, 4]] == pytest.approx(
-        np.broadcast_to(STILL[:, [0, 1, 2, 4]], windows[:, :, :4].shape)
-    )
+    wanted = np.broadcast_to(STILL[:, [0, 1, 2, 4]], windows[:, :, :4].shape)
+    assert windows[:, :, [0, 1, 2, 4]] == pytest.approx(wanted)
     hand = windows[3 * FPS :, :, 3]
     assert np.linalg.norm(hand, axis=-1) == pytest.approx(np.full(hand.shape[:2], 2.0), abs=0.01)
     angle = np.unwrap(np.arctan2(hand[:, PRESENT, 0], hand[:, PRESENT, 1]))
@@ -35,9 +33,8 @@ def test_a_waving_channel_turns_at_its_rate_and_the_others_stand_still():
 
 def test_it_leaves_when_the_body_sets_off_and_does_nothing_for_a_quiet_style():
     clock = RestRhythm.silent()
-    assert run(clock, np.zeros((C, 2)), 1.0, 1.0) == pytest.approx(
-        np.broadcast_to(STILL, (FPS, *STILL.shape))
-    )
+    wanted = np.broadcast_to(STILL, (FPS, *STILL.shape))
+    assert run(clock, np.zeros((C, 2)), 1.0, 1.0) == pytest.approx(wanted)
     run(clock, WAVING, 1.0, 4.0)
     left = run(clock, WAVING, 0.0, 4.0)
     assert np.abs(left[0] - STILL).max() > 0.5  # not at once

@@ -22,11 +22,8 @@ def test_names_and_folders() -> None:
     assert model_folder() == model_folder(DEFAULT_MODEL) == model_folder(Path(DEFAULT_MODEL)) == default
     assert model_folder(f"./{DEFAULT_MODEL}") == Path(DEFAULT_MODEL)  # a folder here, not the shipped one
     assert model_folder("some/where") == Path("some/where")
-    assert (model_name(None), model_name(default), model_name(Path("x"))) == (
-        DEFAULT_MODEL,
-        DEFAULT_MODEL,
-        "",
-    )
+    names = [model_name(path) for path in (None, default, Path("x"))]
+    assert names == [DEFAULT_MODEL, DEFAULT_MODEL, ""]
     with pytest.raises(FileError, match=r"nowhere: no model of this name is shipped.*Shipped: compact"):
         load_model("nowhere")
     with pytest.raises(ModelError, match=r"nowhere.metadata\.json"):

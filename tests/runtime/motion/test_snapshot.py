@@ -27,12 +27,9 @@ def play(controller: Controller, first: int, last: int) -> list[Pose]:
 
 
 def same(one: list[Pose], two: list[Pose]) -> bool:
-    return all(
-        np.array_equal(a.local_rotations, b.local_rotations)
-        and np.array_equal(a.hips_position, b.hips_position)
-        and np.array_equal(a.contacts, b.contacts)
-        for a, b in zip(one, two, strict=True)
-    )
+    names = ("local_rotations", "hips_position", "contacts")
+    pairs = [(getattr(a, n), getattr(b, n)) for a, b in zip(one, two, strict=True) for n in names]
+    return all(np.array_equal(*pair) for pair in pairs)
 
 
 @pytest.fixture(scope="module")

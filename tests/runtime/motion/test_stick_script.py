@@ -25,9 +25,8 @@ STICKS = st.builds(
     st.floats(0, 1).map(lambda x: round(x, 6)),
     st.none() | st.floats(-720, 720).map(lambda x: round(x, 6)),
 )
-RESTS = st.builds(
-    StickSegment, st.sampled_from([Gait.STAND, Gait.JUMP]), st.floats(0.001, 600).map(lambda x: round(x, 6))
-)
+SECONDS = st.floats(0.001, 600).map(lambda x: round(x, 6))
+RESTS = st.builds(StickSegment, st.sampled_from([Gait.STAND, Gait.JUMP]), SECONDS)
 
 
 def test_a_script_of_the_greatest_length_is_looked_up_at_once() -> None:

@@ -26,9 +26,8 @@ from runtime.takes.metadata import PromptEvent
 from sport import cli
 from tests.helpers.walker import WalkerModel, generate_by_walker
 
-codes = st.integers(0, 2**32).map(
-    lambda seed: 3.0 * np.random.default_rng(seed).standard_normal((6, 64), np.float32)
-)
+seeds = st.integers(0, 2**32)
+codes = seeds.map(lambda seed: 3.0 * np.random.default_rng(seed).standard_normal((6, 64), np.float32))
 shares = st.sampled_from([0.0, 1.0]) | st.floats(0.0, 1.0)
 weights = st.tuples(*[shares] * 6)
 PARTS = PartDescriptions(*(f"{part} moves" for part in PART_NAMES))
@@ -119,9 +118,7 @@ def test_a_damaged_event_is_named(value):
         read_words(json.dumps(value))
 
 
-# the command
-
-
+# --- the command
 def style_of(words):
     """A stand-in for the prompt encoder: other words, another Z^t."""
     return np.full((6, 64), (sum(map(ord, write_words(words))) % 100) / 200.0, np.float32)
@@ -185,9 +182,7 @@ def test_a_blend_that_cannot_be_made_is_one_sentence(walker, tmp_path, capsys, a
     assert not out.exists()
 
 
-# the controller
-
-
+# --- the controller
 def test_a_style_that_changes_each_frame_is_folded_once_a_frame():
     """As while a slider is dragged."""
     from runtime.controls import Controls

@@ -73,9 +73,8 @@ def test_a_gesture_that_was_captured_standing_is_no_caption_of_a_walk() -> None:
 
 def test_a_long_clause_of_one_style_is_measured_by_it_and_a_short_one_by_none() -> None:
     rows = {"left_arm": {"swing": (0.1, 0.2), "hand_range": (0.3, 0.4)}}
-    clauses = {
-        ("left_arm", text): frozenset({"odd"}) for text in ("held quite still like wood", "held still")
-    }
+    texts = ("held quite still like wood", "held still")
+    clauses = {("left_arm", text): frozenset({"odd"}) for text in texts}
     found = CapturedPhrases({"odd": {"walk": rows}}, clauses=clauses)
     assert found.clause("left_arm", "held quite still like wood", "swing") == ((0.1, 0.2), None, None)
     assert found.clause("left_arm", "held still", "swing") is None
@@ -88,8 +87,7 @@ def test_a_long_clause_of_one_style_is_measured_by_it_and_a_short_one_by_none() 
 def test_a_damaged_file_is_named(tree: object, monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:  # type: ignore[no-untyped-def]
     (tmp_path / "phrase_measures.json").write_text(json.dumps(tree))
     own = asset_path("prompts/styles.json")
-    monkeypatch.setattr(
-        module, "asset_path", lambda name: own if "styles" in name else tmp_path / "phrase_measures.json"
-    )
+    measures = tmp_path / "phrase_measures.json"
+    monkeypatch.setattr(module, "asset_path", lambda name: own if "styles" in name else measures)
     with pytest.raises(FileError, match="phrase_measures"):
         captured.__wrapped__()

@@ -70,9 +70,8 @@ def test_orders_need_a_body_part(prompt: str) -> None:
 
 def test_the_order_of_rules_never_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     file = tomllib.loads(asset_path("prompts/clauses.toml").read_text("utf-8"))
-    groups = [
-        file[group][kind] for group in ("arm", "leg", "torso", "head") for kind in ("actions", "denied")
-    ]
+    parts = ("arm", "leg", "torso", "head")
+    groups = [file[group][kind] for group in parts for kind in ("actions", "denied")]
     for rules in (*groups, file["phrases"]["rules"], *file["relations"].values()):
         rules.reverse()
     lines = Path(__file__).with_name("side_sentences.txt").read_text("utf-8").splitlines()
@@ -84,9 +83,7 @@ def test_the_order_of_rules_never_counts(monkeypatch: pytest.MonkeyPatch) -> Non
     assert [parse_clauses(prompt) for prompt in prompts] == parsed
 
 
-# gestures of a hand at a part
-
-
+# --- gestures of a hand at a part
 @pytest.mark.parametrize(
     ("prompt", "rest", "part", "words"), table(__file__, "a_hand_goes_where_a_gesture_says")
 )
@@ -114,14 +111,8 @@ def test_any_text_parses_to_usable_descriptions(text: str) -> None:
 
 def test_the_longest_prompt_parses_quickly() -> None:
     with bounded():
-        for word in (
-            "left ",
-            "looking ",
-            "arms and ",
-            "the his her ",
-            "raised the left ",
-            "hands and feet up ",
-        ):
+        words = ("left ", "looking ", "arms and ", "the his her ", "raised the left ", "hands and feet up ")
+        for word in words:
             parse_clauses((word * 1000)[:1000])
 
 

@@ -1,5 +1,6 @@
 """What the library makes of prompts: entries by their names, mixtures by part, denials, degrees, typing errors."""
 
+import dataclasses
 from functools import cache
 
 import pytest
@@ -40,9 +41,7 @@ def moves_like(prompt: str, entry: str, parts: tuple[str, ...]) -> bool:
 NEUTRAL = "a person walking normally"
 
 
-# one entry
-
-
+# --- one entry
 def test_a_clause_overrides_only_its_part() -> None:
     plain, hanging = expand("an exhausted soldier"), expand("an exhausted soldier, left arm hanging")
     assert hanging.explicit_parts == ("left_arm",)
@@ -80,9 +79,8 @@ def test_where_feet_are_leaves_the_way_that_they_step(prompt: str, leg: str) -> 
 
 
 def test_one_arm_does_what_a_figure_does_with_both() -> None:
-    assert (
-        "hanging" in expand("walking against a strong wind, one arm shielding the eyes").descriptions.left_arm
-    )
+    against_wind = expand("walking against a strong wind, one arm shielding the eyes")
+    assert "hanging" in against_wind.descriptions.left_arm
 
 
 def test_far_words_are_composed_of_neighbours_and_say_how_near() -> None:
@@ -145,9 +143,7 @@ def test_only_clauses_are_explicit_on_a_neutral_body() -> None:
     assert "hip" in expansion.descriptions.left_arm
 
 
-# several entries
-
-
+# --- several entries
 @pytest.mark.parametrize(("prompt", "sources"), table(__file__, "mixtures_are_by_part"))
 def test_mixtures_are_by_part(prompt: str, sources: dict[str, str]) -> None:
     groups = {"arms": ARMS, "legs": LEGS}
@@ -169,9 +165,7 @@ def test_whoever_is_only_mentioned_does_not_move(prompt: str, like: str, unlike:
     assert not moves_like(prompt, unlike, ("torso",))
 
 
-# denials
-
-
+# --- denials
 @pytest.mark.parametrize(
     ("prompt", "like", "note"), table(__file__, "what_is_denied_or_only_compared_is_left_out_and_said")
 )
@@ -211,16 +205,13 @@ def test_one_foot_in_front_of_the_other_is_both_feet() -> None:
 @pytest.mark.parametrize("figure", ["zombie", "drunk", "king"])
 def test_a_figure_that_walks_slowly_keeps_its_gait_and_only_its_speed_is_bounded(figure: str) -> None:
     own, slow = (expand(f"a {figure}{words}").descriptions for words in ("", " walking slowly"))
-    assert slow == own.replace("left_leg", f"{own.left_leg}, walking slowly").replace(
-        "right_leg", f"{own.right_leg}, walking slowly"
-    )
+    legs = {part: f"{getattr(own, part)}, walking slowly" for part in LEGS}
+    assert slow == dataclasses.replace(own, **legs)
     assert left_to_network(slow) == left_to_network(own)
     assert "pace" in targets_of("left_leg", slow.left_leg)
 
 
-# typing errors
-
-
+# --- typing errors
 @pytest.mark.parametrize(("prompt", "meant"), table(__file__, "one_wrong_letter_is_read_and_said"))
 def test_one_wrong_letter_is_read_and_said(prompt: str, meant: str) -> None:
     assert expand(prompt).descriptions == expand(meant).descriptions
@@ -234,16 +225,12 @@ def test_right_words_are_not_corrected(prompt: str) -> None:
 
 def test_spelling_needs_a_known_word_one_letter_off() -> None:
     spelling = Spelling({"penguin", "stomping"}, {"stamping"})
-    assert spelling.corrected("A penguni is stompin, stamping or penguins") == (
-        "A penguin is stomping, stamping or penguins",
-        {"penguni": "penguin", "stompin": "stomping"},
-    )
+    wrong, right = "A penguni is stompin, stamping or penguins", "A penguin is stomping, stamping or penguins"
+    assert spelling.corrected(wrong) == (right, {"penguni": "penguin", "stompin": "stomping"})
     assert spelling.corrected("pinguin pengu engine") == ("pinguin pengu engine", {})
 
 
-# any prompt
-
-
+# --- any prompt
 @pytest.mark.parametrize("prompt", ["", "  \n ", "x" * 1001, "x" * 10_000, "bell\x07", "\ud800", None])
 def test_unusable_prompts_are_refused_with_a_remedy(prompt: str) -> None:
     with pytest.raises(PromptError, match="prompt") as raised:

@@ -36,9 +36,8 @@ from tests.helpers.gpt_endpoint import (
     trickle_headers,
 )
 
-# what is asked
 
-
+# --- what is asked
 def test_a_good_answer_becomes_the_six_descriptions(endpoint, expander_of):
     expansion = expander_of(endpoint).expand("  un vieux roi \n très fier ")
     assert expansion == Expansion(PROUD, "gpt")
@@ -84,9 +83,7 @@ def test_a_damaged_vocabulary_is_named(tmp_path, content):
         load_structured_prompt(path)
 
 
-# answers that need correction
-
-
+# --- answers that need correction
 @pytest.mark.parametrize(
     "answer",
     [
@@ -146,8 +143,7 @@ def test_an_endpoint_without_schemas_is_asked_for_plain_json(endpoint, expander_
     assert ["response_format" in body for body in endpoint.bodies] == [True, False, False]
 
 
-# failures of the endpoint
-
+# --- failures of the endpoint
 FAILURES = {
     "slow": (late(LONG), "no answer within"),
     "trickling": (trickle, "no answer within"),
@@ -179,11 +175,8 @@ def test_the_library_answers_instead_and_says_why(endpoint, expander_of, caplog,
     with caplog.at_level(logging.DEBUG):
         expansion = FallbackExpander(gpt, Library()).expand("a proud king")
     assert endpoint.waited_out == 0
-    assert (expansion.source, expansion.descriptions, expansion.nearest) == (
-        "library",
-        DRUNK,
-        (("drunk", 0.9),),
-    )
+    found = (expansion.source, expansion.descriptions, expansion.nearest)
+    assert found == ("library", DRUNK, (("drunk", 0.9),))
     assert re.search(reason, expansion.note)
     assert expansion.note.endswith("The library answered. Near enough.")
     assert KEY not in expansion.note + caplog.text
@@ -240,9 +233,8 @@ def test_an_endpoint_that_drips_costs_one_request(endpoint, expander_of, drips):
     endpoint.script = [drips]
     with pytest.raises(PromptError, match="no answer within") as caught:
         expander_of(endpoint, timeout_s=0.3, deadline_s=20.0, backoff_s=0.01).expand("proud")
-    assert (
-        float(re.findall(r"within ([\d.]+) s", str(caught.value))[0]) < 18.0
-    )  # of the 20 until its deadline
+    within = re.findall(r"within ([\d.]+) s", str(caught.value))
+    assert float(within[0]) < 18.0  # of the 20 until its deadline
     assert len(endpoint.requests) == 1
 
 

@@ -109,10 +109,8 @@ def test_prompts_go_to_no_other_address(
     thread = threading.Thread(target=other.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
     thread.start()
     try:
-        endpoint.script = [
-            lambda handler: handler.reply(status, "", {"Location": f"{other.url}/chat"}),
-            lambda handler: handler.reply(status, "", {"Location": "/v2/chat"}),
-        ]
+        places = (f"{other.url}/chat", "/v2/chat")
+        endpoint.script = [lambda h, to=to: h.reply(status, "", {"Location": to}) for to in places]
         for place in (f"{other.server_port}/v1/chat", f"{endpoint.server_port}/v2/chat"):
             with pytest.raises(EndpointError, match=f"http://127.0.0.1:{place}, which is another address"):
                 ask(settings_of(endpoint, attempts=1))

@@ -22,9 +22,8 @@ from runtime.prompts.gpt.expander import (
 from runtime.prompts.gpt.settings import GptSettings, Secret, gpt_configured
 from tests.helpers.gpt_endpoint import DRUNK, FIVE, KEY, PROUD, Library, fail
 
-# the cache
 
-
+# --- the cache
 def test_a_prompt_is_asked_once(endpoint, expander_of, tmp_path):
     for _ in range(2):
         assert expander_of(endpoint).expand("proud") == Expansion(PROUD, "gpt")
@@ -76,13 +75,10 @@ def test_where_the_cache_lies():
     assert cache_directory({}) == Path.home() / ".cache" / "sport-viewer"
 
 
-# settings
-
-
+# --- settings
 def test_settings_come_from_the_environment():
-    settings = GptSettings.from_environment(
-        {"OPENAI_API_KEY": f" {KEY}\n", "SPORT_GPT_MODEL": "llama3", "SPORT_GPT_TIMEOUT": "40"}
-    )
+    names = {"OPENAI_API_KEY": f" {KEY}\n", "SPORT_GPT_MODEL": "llama3", "SPORT_GPT_TIMEOUT": "40"}
+    settings = GptSettings.from_environment(names)
     assert settings.api_key == Secret(KEY)
     assert (settings.host, settings.model, settings.timeout_s) == ("api.openai.com", "llama3", 40.0)
     assert settings.deadline_s >= 40.0

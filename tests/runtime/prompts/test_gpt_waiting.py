@@ -12,9 +12,8 @@ from runtime.prompts.gpt.settings import GptSettings
 from runtime.prompts.service import PromptWorker
 from tests.helpers.gpt_endpoint import LONG, PROUD, Encoder, Library, fail, late, say, wait_for
 
-# what is asked
 
-
+# --- what is asked
 def test_a_set_event_ends_the_question_at_once(endpoint, expander_of):
     endpoint.script = [late(LONG)]
     stop = threading.Event()

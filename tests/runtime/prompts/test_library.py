@@ -100,9 +100,7 @@ def test_a_name_may_leave_out_who_does_it(library: PromptLibrary) -> None:
         assert phrases.whole(plainly) == phrases.whole(f"somebody {plainly}") == entry
 
 
-# embeddings
-
-
+# --- embeddings
 def test_stored_embeddings_fit_the_shipped_words(library: PromptLibrary) -> None:
     """Fails when library.json or a style changed without `python -m training.text.build_library`."""
     path = PROMPTS / "library.npz"
@@ -118,9 +116,7 @@ def test_stored_embeddings_fit_the_shipped_words(library: PromptLibrary) -> None
     assert "hoarse" in stored.other_words
 
 
-# a library of one's own
-
-
+# --- a library of one's own
 def _small_library(directory: Path, entries: list[object], **lists: object) -> Path:
     (directory / "styles.json").write_bytes((PROMPTS / "styles.json").read_bytes())
     path = directory / "library.json"

@@ -28,9 +28,7 @@ def expander() -> LibraryExpander:
     return shipped_library()
 
 
-# parts
-
-
+# --- parts
 def test_mapping_json_and_tuple_agree() -> None:
     assert tuple(DESCRIPTIONS.to_mapping()) == PART_NAMES
     assert PartDescriptions.from_json(DESCRIPTIONS.to_json()) == DESCRIPTIONS
@@ -83,20 +81,14 @@ def test_mirroring_twice_is_nothing(words: list[str]) -> None:
     assert mirror_text(mirror_text(text)) == text
 
 
-# content network and worker
-
-
+# --- content network and worker
 def _network(path: Path, size: int = 384, gain: float = 1.0) -> Path:
     """A stand-in for the trained network: z is the first 64 numbers of each embedding, times `gain`."""
     onnx = pytest.importorskip("onnx")
     from onnx import TensorProto, helper, numpy_helper
 
-    constants = {
-        "start": np.array([0]),
-        "stop": np.array([64]),
-        "axis": np.array([2]),
-        "gain": np.float32(gain),
-    }
+    values = {"start": [0], "stop": [64], "axis": [2]}
+    constants = {n: np.array(v) for n, v in values.items()} | {"gain": np.float32(gain)}
     graph = helper.make_graph(
         [
             helper.make_node("Slice", ["embeddings", "start", "stop", "axis"], ["cut"]),

@@ -96,9 +96,8 @@ def test_plain_torch_encoder_agrees_with_itself_under_padding() -> None:
     from training.text.encoders import BertConfig, SentenceEncoder
 
     torch.manual_seed(0)
-    config = BertConfig(
-        vocab_size=50, hidden_size=24, num_hidden_layers=2, num_attention_heads=3, intermediate_size=32
-    )
+    sizes = {"vocab_size": 50, "hidden_size": 24, "intermediate_size": 32}
+    config = BertConfig(num_hidden_layers=2, num_attention_heads=3, **sizes)
     network = SentenceEncoder(config).eval()
     ids = torch.randint(1, 50, (1, 5))
     padded = torch.cat([ids, torch.zeros(1, 3, dtype=torch.long)], dim=1)

@@ -21,9 +21,8 @@ def write_tokenizer(path: Path) -> None:
 
     tokenizer = Tokenizer(models.WordLevel({w: k for k, w in enumerate(WORDS)}, unk_token="[END]"))
     tokenizer.pre_tokenizer = pre_tokenizers.Whitespace()
-    tokenizer.post_processor = processors.TemplateProcessing(
-        single="[START] $A [END]", special_tokens=[("[START]", 0), ("[END]", 1)]
-    )
+    marks = {"single": "[START] $A [END]", "special_tokens": [("[START]", 0), ("[END]", 1)]}
+    tokenizer.post_processor = processors.TemplateProcessing(**marks)
     tokenizer.save(str(path))
 
 
@@ -40,21 +39,14 @@ def write_encoder(folder: Path, size: int = 512, **metadata: object) -> Path:
         helper.make_node("Mul", ["words", "weights"], ["kept"]),
         helper.make_node("ReduceSum", ["kept", "middle"], ["embeddings"], keepdims=0),
     ]
-    inputs = [
-        helper.make_tensor_value_info(n, TensorProto.INT64, ["n", "length"])
-        for n in ("input_ids", "attention_mask")
-    ]
+    names, shape = ("input_ids", "attention_mask"), ["n", "length"]
+    inputs = [helper.make_tensor_value_info(n, TensorProto.INT64, shape) for n in names]
     output = helper.make_tensor_value_info("embeddings", TensorProto.FLOAT, ["n", size])
-    constants = [
-        numpy_helper.from_array(table, "table"),
-        numpy_helper.from_array(np.array([2]), "last"),
-        numpy_helper.from_array(np.array([1]), "middle"),
-    ]
+    values = {"table": table, "last": np.array([2]), "middle": np.array([1])}
+    constants = [numpy_helper.from_array(value, name) for name, value in values.items()]
     graph = helper.make_graph(nodes, "tower", inputs, [output], constants)
-    onnx.save(
-        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8),
-        folder / "tower.onnx",
-    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    onnx.save(model, folder / "tower.onnx")
     write_tokenizer(folder / "tokenizer.json")
     values = {**CLIP, "max_tokens": 77, "graph": "tower.onnx", **metadata}
     (folder / "text_encoder.json").write_text(json.dumps(values), "utf-8")
@@ -120,9 +112,7 @@ def test_the_library_always_compares_by_the_shipped_one(stand_in: Path) -> None:
     assert library_encoder(TextEncoder(stand_in)).name == SHIPPED["name"]
 
 
-# --- training -----------------------------------------------------------------------------------------------------------
-
-
+# --- training
 @pytest.mark.needs_torch
 def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
     from dataclasses import replace
@@ -132,9 +122,8 @@ def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
     from training.networks.content import ContentEncoder
     from training.presets import preset
 
-    content = ContentEncoder(
-        replace(preset("tiny"), text_size=512, direction_words=False, one_sided_words=False)
-    )
+    plain = replace(preset("tiny"), text_size=512, direction_words=False, one_sided_words=False)
+    content = ContentEncoder(plain)
     assert content.text(torch.randn(3, 6, 512)).mean.shape == (3, 6, 64)
     with pytest.raises(RuntimeError):
         content.text(torch.randn(3, 6, 384))

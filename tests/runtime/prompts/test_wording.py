@@ -13,20 +13,10 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.phrasing import ModelPhrasing, PromptAdherence, as_left_limb, load_phrasings, phrasing_of
 from tests.helpers.shipped import shipped_encoder, shipped_model
 
-PLAIN = PartDescriptions(
-    "left arm hanging",
-    "right arm hanging",
-    "left leg stepping",
-    "right leg stepping",
-    "torso upright",
-    "head upright",
-)
-WORDING = ModelPhrasing(
-    {
-        ("torso", "torso leaning forward"): "torso tilted forward",
-        ("leg", "left leg stiff"): "left foot hardly lifted",
-    }
-)
+WALKS = ("left arm hanging", "right arm hanging", "left leg stepping", "right leg stepping")
+PLAIN = PartDescriptions(*WALKS, "torso upright", "head upright")
+FORWARD, STIFF = ("torso", "torso leaning forward"), ("leg", "left leg stiff")
+WORDING = ModelPhrasing({FORWARD: "torso tilted forward", STIFF: "left foot hardly lifted"})
 
 
 def test_a_whole_sentence_is_said_as_the_model_follows_it():
@@ -55,21 +45,18 @@ def test_the_model_is_told_the_other_words():
     model = shipped_model()
     plain, worded = (PromptEncoder(shipped_encoder(), model.prompt_path, each) for each in (None, WORDING))
     leaning = replace(PLAIN, torso="torso leaning forward")
-    np.testing.assert_array_equal(
-        worded.encode(leaning), plain.encode(replace(PLAIN, torso="torso tilted forward"))
-    )
+    tilted = plain.encode(replace(PLAIN, torso="torso tilted forward"))
+    np.testing.assert_array_equal(worded.encode(leaning), tilted)
     assert not np.array_equal(worded.encode(leaning), plain.encode(leaning))
 
 
 def test_the_shipped_table_leaves_captured_styles_alone_and_ends_after_one_step():
     table = phrasing_of("compact").table
     styles = json.loads(asset_path("prompts/styles.json").read_text("utf-8"))
-    captured = {
-        as_left_limb(words, part)
-        for style in styles.values()
-        for description in style["descriptions"]
-        for part, words in description.items()
-    }
+    told = [
+        pair for s in styles.values() for description in s["descriptions"] for pair in description.items()
+    ]
+    captured = {as_left_limb(words, part) for part, words in told}
     assert len(table) > 20
     limbs = {"left_arm": "arm", "right_arm": "arm"}
     assert not captured & {(limbs.get(group, group), words) for group, words in table}

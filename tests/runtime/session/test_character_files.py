@@ -43,10 +43,8 @@ def test_files_that_a_character_refers_to_get_names_that_can_be_kept(tmp_path: P
     source = tmp_path / "source"
     (source / "tex:tures").mkdir(parents=True)
     (source / "tex:tures" / "skin?.png").write_bytes(b"PNG")
-    document = {
-        "asset": {"version": "2.0"},
-        "images": [{"uri": "tex:tures/skin%3F.png"}, {"uri": "../secret.png"}],
-    }
+    images = [{"uri": "tex:tures/skin%3F.png"}, {"uri": "../secret.png"}]
+    document = {"asset": {"version": "2.0"}, "images": images}
     (source / "me.gltf").write_text(json.dumps(document), encoding="utf-8")
     files = read_character_files(source / "me.gltf")
     assert list(files) == ["me.gltf", "file 1.png"]
@@ -71,10 +69,8 @@ def test_a_characters_files_come_out_in_a_folder_of_their_own(tmp_path: Path) ->
     (source / "textures" / "skin.png").write_bytes(b"PNG")
     (source / "me.joints.json").write_text("{}", encoding="utf-8")
     (source / "other.json").write_text("{}", encoding="utf-8")
-    document = {
-        "asset": {"version": "2.0"},
-        "images": [{"uri": "textures/skin.png"}, {"uri": "../secret.png"}],
-    }
+    images = [{"uri": "textures/skin.png"}, {"uri": "../secret.png"}]
+    document = {"asset": {"version": "2.0"}, "images": images}
     (source / "me.gltf").write_text(json.dumps(document), encoding="utf-8")
     files = read_character_files(source / "me.gltf")
     assert list(files) == ["me.gltf", "textures/skin.png", "me.joints.json"]

@@ -84,9 +84,8 @@ def test_what_is_too_much_to_recover_at_once_can_be_had_from_the_lost_takes(
     assert (file.recovered, file.unrecovered) == (1, 2)
     assert [take.frames for take in history.present.session.takes] == [FRAMES[-1]]
     found = file.found_takes(file.lost_takes)
-    assert {(take.frames, take.name) for take in found} == set(
-        zip(FRAMES[:2], NAMES_OF_SEED[:2], strict=True)
-    )
+    wanted = set(zip(FRAMES[:2], NAMES_OF_SEED[:2], strict=True))
+    assert {(take.frames, take.name) for take in found} == wanted
     file.close()
 
 

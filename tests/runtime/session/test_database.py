@@ -61,10 +61,8 @@ def step(number: int) -> Any:
 
 def content(database: Database) -> dict[str, Any]:
     """All that can be read."""
-    return {
-        "steps": {number: (label, database.step(number)) for number, label in database.steps()},
-        "motions": {key: (database.motion(key), list(database.frames(key))) for key in database.motions()},
-    }
+    motions = {key: (database.motion(key), list(database.frames(key))) for key in database.motions()}
+    return {"steps": {n: (label, database.step(n)) for n, label in database.steps()}, "motions": motions}
 
 
 def wait(condition: Any, seconds: float = 60.0) -> None:
@@ -83,8 +81,6 @@ def copied(database: Database, folder: Path) -> Path:
 
 
 # --- what was written is read
-
-
 KEYS = st.sampled_from(["a", "b", "käse\0"])
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=20)
 PIECES = st.binary(max_size=200)
@@ -125,11 +121,10 @@ class Model(RuleBasedStateMachine):
     @rule(first=st.none() | st.integers(0, 9), before=st.none() | st.integers(0, 9))
     def drop_steps(self, first: int | None, before: int | None) -> None:
         self.database.submit(lambda writer: writer.drop_steps(first, before))
-        self.steps = {
-            number: value
-            for number, value in self.steps.items()
-            if not (first is not None and number >= first) and not (before is not None and number < before)
+        gone = {
+            n for n in self.steps if (first is not None and n >= first) or (before is not None and n < before)
         }
+        self.steps = {number: value for number, value in self.steps.items() if number not in gone}
 
     @rule(key=KEYS, header=TEXTS)
     def put_motion(self, key: str, header: str) -> None:
@@ -166,9 +161,8 @@ class Model(RuleBasedStateMachine):
     @rule()
     def open_again(self) -> None:
         assert self.database.close()
-        assert not any(
-            file.exists() for file in (*side_files(self.database.path), lock_of(self.database.path))
-        )
+        beside = (*side_files(self.database.path), lock_of(self.database.path))
+        assert not any(file.exists() for file in beside)
         self.database = Database.open(self.database.path)
         self.adopt_headers()
 
@@ -220,9 +214,8 @@ class Model(RuleBasedStateMachine):
 
     def check(self, database: Database) -> None:
         assert database.steps() == [(number, self.steps[number][0]) for number in sorted(self.steps)]
-        assert {number: database.step(number) for number in self.steps} == {
-            n: d for n, (_, d) in self.steps.items()
-        }
+        documents = {number: document for number, (_, document) in self.steps.items()}
+        assert {number: database.step(number) for number in self.steps} == documents
         assert database.motions() == list(self.motions)
         assert {key: database.motion(key) for key in self.motions} == self.motions
         for key in {at[0] for at in self.frames} | set(self.motions):
@@ -324,8 +317,6 @@ def test_a_defect_of_one_change_is_said_and_holds_up_no_other(session: Database)
 
 
 # --- processes
-
-
 RECORD = """
 import sys, time
 from pathlib import Path
@@ -443,18 +434,13 @@ def test_what_was_removed_does_not_leave_with_the_file(session: Database) -> Non
 
 
 # --- disks and folders
-
-
 @POSIX
 @pytest.mark.parametrize("what", ["file", "log", "lock", "folder"])
 def test_what_was_removed_is_written_again_whole(session: Database, what: str) -> None:
     session.submit(fill)
     assert session.flush()
-    for file in {
-        "file": [session.path],
-        "log": side_files(session.path)[:1],
-        "lock": [lock_of(session.path)],
-    }.get(what, []):
+    log, lock = side_files(session.path)[:1], [lock_of(session.path)]
+    for file in {"file": [session.path], "log": log, "lock": lock}.get(what, []):
         file.unlink()
     if what == "folder":
         shutil.rmtree(session.path.parent)
@@ -615,8 +601,6 @@ def test_reading_goes_on_while_the_file_becomes_another(session: Database, tmp_p
 def test_a_full_disk_is_called_so_wherever_sqlite_meets_it(code: int, tmp_path: Path) -> None:
     error = sqlite3.OperationalError("disk I/O error")
     error.sqlite_errorcode = code
-    with (
-        pytest.raises(FileError, match=r"there is no room left.* Make room on the disk"),
-        file_errors(tmp_path / "a"),
-    ):
+    said = r"there is no room left.* Make room on the disk"
+    with pytest.raises(FileError, match=said), file_errors(tmp_path / "a"):
         raise error

@@ -22,9 +22,8 @@ whole = st.integers(-50, 50)
 def motion(frames: int, name: str = "Take") -> Motion:
     """Somebody who stands still."""
     local = np.tile(np.float32([1, 0, 0, 0]), (frames, J, 1))
-    return Motion.of(
-        Clip(name, 60.0, np.zeros((frames, 3), np.float32), local, np.ones((frames, 4), np.float32))
-    )
+    hips, contacts = np.zeros((frames, 3), np.float32), np.ones((frames, 4), np.float32)
+    return Motion.of(Clip(name, 60.0, hips, local, contacts))
 
 
 def session_of(*frames: int) -> Session:

@@ -99,8 +99,6 @@ def change(path: Path, *statements: str, values: tuple[object, ...] = (), sealed
 
 
 # --- no session
-
-
 @pytest.mark.parametrize(
     "data",
     [b"", b"x", b"SQLite format 3\0", b"PK\5\6" + bytes(18), random.Random(1).randbytes(9000), b"\0" * 8192],
@@ -126,12 +124,8 @@ def test_a_wrong_number_in_the_head_costs_nothing(name: str, path: Path, rows: d
 
 
 def test_a_later_version_is_refused_with_the_advice_to_update(path: Path) -> None:
-    change(
-        path,
-        "PRAGMA user_version = 7",
-        *(f"UPDATE {table} SET checksum = 5" for table in TABLES),
-        sealed=False,
-    )
+    sums = [f"UPDATE {table} SET checksum = 5" for table in TABLES]
+    change(path, "PRAGMA user_version = 7", *sums, sealed=False)
     said = refused(path, "a later version of this program")
     assert said.endswith("Update this program.")
 
@@ -145,10 +139,8 @@ def test_a_session_of_the_first_version_gets_its_checksums(tmp_path: Path) -> No
     connection.close()
     for use in (Database.read, Database.open):
         database = use(tmp_path / "old.sport")
-        assert content(database) == {
-            "steps": {3: ("über", "{}")},
-            "motions": {"m": ('{"frames": 15}', [(15, b"poses")])},
-        }
+        motions = {"m": ('{"frames": 15}', [(15, b"poses")])}
+        assert content(database) == {"steps": {3: ("über", "{}")}, "motions": motions}
         database.close()
     with closing(sqlite3.connect(tmp_path / "old.sport")) as connection:
         assert version_of(connection) == SCHEMA_VERSION
@@ -180,15 +172,12 @@ def test_of_a_file_with_other_tables_only_our_rows_are_used(
     except sqlite3.OperationalError as error:
         pytest.skip(f"this SQLite cannot: {error}")
     if kind == "one table twice":
-        rows["motions"] = {
-            key: (header, rows["motions"][key][1]) for key, (header, _) in rows["motions"].items()
-        }  # type: ignore[index, attr-defined]
+        motions = rows["motions"]
+        rows["motions"] = {key: (header, motions[key][1]) for key, (header, _) in motions.items()}
     salvaged(path, rows)
 
 
 # --- values
-
-
 def test_values_of_another_type(path: Path) -> None:
     for statement in (
         "UPDATE blobs SET content = 'text'",
@@ -211,11 +200,8 @@ def test_values_of_another_type(path: Path) -> None:
 
 
 def test_text_that_is_none(path: Path) -> None:
-    change(
-        path,
-        "UPDATE steps SET label = CAST(x'80ff' AS TEXT), document = CAST(x'6100ed' AS TEXT)",
-        sealed=False,
-    )
+    text = "CAST(x'80ff' AS TEXT), document = CAST(x'6100ed' AS TEXT)"
+    change(path, f"UPDATE steps SET label = {text}", sealed=False)
     database = Database.read(path)
     for use in (database.steps, lambda: database.step(1)):
         with pytest.raises(FileError):
@@ -289,8 +275,6 @@ def test_rows_that_an_index_does_not_know(path: Path, rows: dict[str, object]) -
 
 
 # --- bytes
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 def test_pipes_devices_folders_and_links(path: Path, tmp_path: Path) -> None:
     def each(file: Path, match: str) -> None:

@@ -84,16 +84,11 @@ def take(path: Path, edit: Callable[[Any], None]) -> None:
 
 def header(path: Path, edit: Callable[[Any], Any]) -> None:
     """Another header for the first motion."""
-    key, text = value_of(
-        path, f"SELECT key || ' ' || header FROM motions WHERE key NOT LIKE '%{INPUT}'"
-    ).split(" ", 1)
+    first = f"SELECT key || ' ' || header FROM motions WHERE key NOT LIKE '%{INPUT}'"
+    key, text = value_of(path, first).split(" ", 1)
     new = edit(json.loads(text))
-    change(
-        path,
-        "UPDATE motions SET header = ? WHERE key = ?",
-        new if isinstance(new, str) else json.dumps(new),
-        key,
-    )
+    new = new if isinstance(new, str) else json.dumps(new)
+    change(path, "UPDATE motions SET header = ? WHERE key = ?", new, key)
 
 
 def setting(*keys: Any, to: Any) -> Callable[[Any], None]:
@@ -108,7 +103,6 @@ def setting(*keys: Any, to: Any) -> Callable[[Any], None]:
 
 
 # --- documents that lie
-
 CAMERA = {"seconds": 0.0, "yaw": 0.0, "pitch": 0.0, "distance": 4.0, "x": 0.0, "y": 0.0, "z": 0.0}
 POINT = {"x": 0, "z": 0, "speed": 1, "gait": 1}
 DOCUMENTS: dict[str, Callable[[Any], Any]] = {
@@ -318,8 +312,6 @@ def test_a_view_that_is_none_is_ignored(path: Path) -> None:
 
 
 # --- bombs
-
-
 def put_blob(path: Path, key: str, size: int, content: bytes) -> None:
     change(path, "INSERT OR REPLACE INTO blobs VALUES (?, ?, ?, 0)", key, size, content)
 
@@ -430,11 +422,8 @@ def test_an_input_that_lies_is_one_sentence_and_its_take_still_plays(case: str, 
     text = json.loads(value_of(path, f"SELECT header FROM motions WHERE key LIKE '%{INPUT}'"))
     made = INPUTS[case](text)
     made = text if made is None else made
-    change(
-        path,
-        f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'",
-        made if isinstance(made, str) else json.dumps(made),
-    )
+    made = made if isinstance(made, str) else json.dumps(made)
+    change(path, f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'", made)
     with bounded():
         said = looked_at(path)
     assert len(said) == 1  # of the two takes of this motion the second has no input any more

@@ -62,8 +62,6 @@ def close(a: Clip, b: Clip) -> bool:
 
 
 # --- everything comes back
-
-
 def test_a_session_with_one_of_everything_comes_back(tmp_path: Path) -> None:
     session = full_session(tmp_path / "cache", tmp_path)
     clips = [take.made.clip for take in session.takes]
@@ -78,11 +76,8 @@ def test_a_session_with_one_of_everything_comes_back(tmp_path: Path) -> None:
     assert now == replace(session, live=now.live, variants=now.variants)
     for take, clip in zip(now.takes, clips, strict=True):
         assert close(take.made.clip, clip)
-        assert (take.made.clip.name, take.made.clip.prompts, take.made.clip.origin) == (
-            clip.name,
-            clip.prompts,
-            clip.origin,
-        )
+        made = take.made.clip
+        assert (made.name, made.prompts, made.origin) == (clip.name, clip.prompts, clip.origin)
     kept = file.character_path(now.character)
     assert kept.is_relative_to(elsewhere)
     other = tmp_path / "b.sport"
@@ -101,9 +96,8 @@ def test_a_take_is_resimulated_after_opening_as_before_bit_by_bit(tmp_path: Path
     motion = found.present.session.takes[0].made
     kept = motion.inputs
     assert kept is not None
-    change = StyleChange(
-        45, np.zeros((6, 64), np.float32), 0.2, PromptEvent(0.0, "other", 0.2, typed="typed")
-    )
+    event = PromptEvent(0.0, "other", 0.2, typed="typed")
+    change = StyleChange(45, np.zeros((6, 64), np.float32), 0.2, event)
     edit, again = (input_edits.with_prompt(d, change) for d in (inputs, kept))
     wanted, _ = resimulated_take(clip, edit.inputs, controller(), edit.first)
     made, _ = resimulated_take(motion.clip, again.inputs, controller(), again.first)
@@ -151,21 +145,13 @@ def test_names_and_words_of_any_kind_are_kept_or_made_so_that_they_can_be(tmp_pa
 
 
 # --- recordings
-
-
 def record(
     file: SessionFile, clip: Clip, inputs: InputRecording | None, parts: int = 15
 ) -> tuple[object, np.ndarray]:
     """A recording of a clip that is not finished."""
-    table = np.concatenate(
-        [
-            clip.hips_positions,
-            clip.local_rotations.reshape(len(clip), -1),
-            clip.contacts,
-            clip.gaits[:, None],
-        ],
-        axis=1,
-    ).astype(np.float32)
+    turns = clip.local_rotations.reshape(len(clip), -1)
+    table = np.concatenate([clip.hips_positions, turns, clip.contacts, clip.gaits[:, None]], axis=1)
+    table = table.astype(np.float32)
     header = replace(MotionHeader.of(clip, inputs), frames=0, prompts=())
     recording = file.begin_recording(header)
     for at in range(0, len(clip), parts):
@@ -260,8 +246,6 @@ def test_a_recording_of_which_memory_kept_the_last_part_only_is_stored_as_that(t
 
 
 # --- what is not used goes
-
-
 def resimulated(session: Session, number: int) -> Session:
     motion = Motion.of(still(60, f"motion {number}", number), None)
     return edits.resimulated(session, 1, motion)
@@ -371,8 +355,6 @@ def test_a_recording_under_way_is_no_rubbish(tmp_path: Path) -> None:
 
 
 # --- other files
-
-
 def test_save_as_and_copies_have_all_of_it_also_what_is_not_written_yet(tmp_path: Path) -> None:
     session = full_session(tmp_path / "cache", tmp_path)
     file = SessionFile.create(tmp_path / "a.sport", tmp_path / "cache")
@@ -434,8 +416,6 @@ def test_a_transaction_that_is_rolled_back_is_written_again_whole(
 
 
 # --- memory and damage that is found late
-
-
 def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_reads_no_frames(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,13 +21,8 @@ def untitled(folder: Path, work: Callable[[Writer], None] | None = None, close: 
 
     def filled(writer: Writer) -> None:
         writer.put_step(0, "Record", "{}")
-        for name, value in (
-            ("name", "stairs"),
-            ("takes", "2"),
-            ("seconds", "3.5"),
-            ("ended", "1"),
-            ("picture", b"PNG"),
-        ):
+        values = {"name": "stairs", "takes": "2", "seconds": "3.5", "ended": "1", "picture": b"PNG"}
+        for name, value in values.items():
             writer.set_meta(name, value)
 
     session.submit(work or filled)
@@ -40,13 +35,8 @@ def untitled(folder: Path, work: Callable[[Writer], None] | None = None, close: 
 def test_what_is_shown_of_a_session(tmp_path: Path) -> None:
     session = untitled(tmp_path)
     (found,) = find(tmp_path)
-    assert (found.path, found.name, found.ended, found.takes, found.seconds) == (
-        session.path,
-        "stairs",
-        True,
-        2,
-        3.5,
-    )
+    told = (found.path, found.name, found.ended, found.takes, found.seconds)
+    assert told == (session.path, "stairs", True, 2, 3.5)
     assert found.picture == b"PNG"
     assert abs(found.saved_s - time.time()) < 60
     remove(found.path)
@@ -55,13 +45,8 @@ def test_what_is_shown_of_a_session(tmp_path: Path) -> None:
 def test_a_session_without_a_summary_may_hold_work(tmp_path: Path) -> None:
     bare = untitled(tmp_path, lambda writer: writer.put_step(0, "", "{}"))
     (found,) = find(tmp_path)
-    assert (found.path, found.name, found.ended, found.takes, found.picture) == (
-        bare.path,
-        "Untitled",
-        False,
-        0,
-        b"",
-    )
+    told = (found.path, found.name, found.ended, found.takes, found.picture)
+    assert told == (bare.path, "Untitled", False, 0, b"")
     assert find(tmp_path / "none") == []
 
 
@@ -117,12 +102,8 @@ def cut_off(writer: Writer) -> None:
 
 
 def test_only_what_was_offered_before_is_removed_and_what_has_takes_last(tmp_path: Path) -> None:
-    kinds = {
-        "takes": None,
-        "a recording": cut_off,
-        "a path": of_meta(takes="0", edits="1"),
-        "another path": of_meta(takes="0", edits="1"),
-    }
+    path = of_meta(takes="0", edits="1")
+    kinds = {"takes": None, "a recording": cut_off, "a path": path, "another path": path}
     paths = {name: untitled(tmp_path, work).path for name, work in kinds.items()}
     names = {path: name for name, path in paths.items()}
 

@@ -26,9 +26,5 @@ def test_every_kind_of_value_comes_back(lost: set[str], found: set[str], content
     assert [(name, named) for name, _, named in changes] == [
         ("put_step", {}), ("put_blob", {}), ("lose", {"text": "header"}), ("find", {}),
     ]  # fmt: skip
-    assert [values for _, values, _ in changes] == [
-        [1, label, "{}"],
-        ["a", content],
-        [sorted(lost), 5],
-        [sorted(found)],
-    ]
+    wanted = [[1, label, "{}"], ["a", content], [sorted(lost), 5], [sorted(found)]]
+    assert [values for _, values, _ in changes] == wanted

@@ -22,9 +22,8 @@ def walk() -> Clip:
         local[:, SPORT_SKELETON.index(name)] = rotations.from_axis_angle(x, np.full(FRAMES, 0.25))
     for name, angle, sign in (("LeftArm", -1.2, -1.0), ("RightArm", 1.2, 1.0)):
         down = rotations.from_axis_angle(z, np.full(FRAMES, angle))
-        local[:, SPORT_SKELETON.index(name)] = rotations.multiply(
-            rotations.from_axis_angle(x, sign * swing), down
-        )
+        turn = rotations.from_axis_angle(x, sign * swing)
+        local[:, SPORT_SKELETON.index(name)] = rotations.multiply(turn, down)
     hips = np.stack([0 * t, np.full(FRAMES, REST_HIPS_HEIGHT - 0.03), SPEED * t], -1)
     back = np.gradient(swing) > 0
     contacts = np.stack([back, back, ~back, ~back], -1)

@@ -72,9 +72,7 @@ def test_resampling_keeps_the_time(fps, frames):
     np.testing.assert_allclose(np.linalg.norm(other.local_rotations, axis=-1), 1.0, atol=1e-5)
 
 
-# --- recorder --------------------------------------------------------------------------------------------------------
-
-
+# --- recorder
 def test_a_take_is_what_was_added_between_start_and_stop():
     recorder = ClipRecorder(max_seconds=1.0)
     for k in range(10):
@@ -164,9 +162,7 @@ def test_stopping_without_a_take_is_an_error():
         recorder.last(1.0)
 
 
-# --- BVH -------------------------------------------------------------------------------------------------------------
-
-
+# --- BVH
 @pytest.mark.parametrize(("fps", "unit", "order"), [(60, "cm", "ZYX"), (30, "m", "YXZ"), (120, "cm", "XYZ")])
 def test_a_saved_clip_reads_back(tmp_path, fps, unit, order):
     clip = make_clip()
@@ -181,9 +177,8 @@ def test_a_saved_clip_reads_back(tmp_path, fps, unit, order):
 def test_joint_names_and_channels_are_what_readers_expect(tmp_path):
     text = save_bvh(make_clip(), tmp_path / "take.bvh").read_text()
     joints = [line.split() for line in text.splitlines() if line.split()[0] in ("ROOT", "JOINT")]
-    assert [words[1] for words in joints] == [
-        read_bvh(tmp_path / "take.bvh").skeleton.names[k] for k in range(J)
-    ]
+    names = read_bvh(tmp_path / "take.bvh").skeleton.names
+    assert [words[1] for words in joints] == list(names[:J])
     assert all(len(words) == 2 for words in joints)
     assert text.count("CHANNELS 6 Xposition Yposition Zposition") == 1
     assert text.count("End Site") == sum(not c for c in SPORT_SKELETON.children)
@@ -198,9 +193,8 @@ def test_unknown_options_are_refused_before_anything_is_written(tmp_path, fps, u
 
 def test_missing_joints_are_named(tmp_path):
     path = save_bvh(make_clip(), tmp_path / "take.bvh")
-    path.write_text(
-        path.read_text().replace("JOINT LThumb", "JOINT Pinky").replace("JOINT Head", "JOINT Skull")
-    )
+    text = path.read_text().replace("JOINT LThumb", "JOINT Pinky")
+    path.write_text(text.replace("JOINT Head", "JOINT Skull"))
     with pytest.raises(FileError, match=r"take\.bvh: joint Head, LThumb is missing"):
         load_clip_bvh(path)
 
@@ -221,8 +215,7 @@ def test_a_rate_that_no_clip_has_is_named(tmp_path):
         load_clip_bvh(path)
 
 
-# --- what a take was made with -----------------------------------------------------------------------------------------
-
+# --- what a take was made with
 PARTS = dict.fromkeys(("left_arm", "right_arm", "left_leg", "right_leg", "torso", "head"), "it swings")
 ORIGIN = Origin("compact", "82" * 32, "fp32", 7, 0.5, 1.25, 0)
 
@@ -238,13 +231,8 @@ def test_a_file_tells_how_it_was_made(tmp_path):
     path = save_bvh(clip, tmp_path / "take.bvh", 30)
     told = json.loads(sidecar_path(path).read_text("utf-8"))
     assert told["seed"] == 7
-    assert told["prompts"][1] == {
-        "seconds": 0.5,
-        "prompt": "drunk",
-        "transition_seconds": 0.25,
-        "words": PARTS,
-        "typed": "",
-    }
+    wanted = {"seconds": 0.5, "prompt": "drunk", "transition_seconds": 0.25, "words": PARTS, "typed": ""}
+    assert told["prompts"][1] == wanted
     back = load_clip_bvh(path)
     assert (back.origin, back.prompts, back.terrain) == (ORIGIN, clip.prompts, "hills")
     assert back.describe() == clip.describe()
@@ -267,12 +255,8 @@ def test_a_motion_opens_without_its_metadata(tmp_path, damage, caplog):
     elif damage == "changed bvh":
         path.write_text(path.read_text() + "\n")
     else:
-        wrong = {
-            "cut": beside.read_text()[:80],
-            "a list": "[1]",
-            "another": '{"format": "x"}',
-            "not text": "\xff",
-        }
+        wrong = {"a list": "[1]", "another": '{"format": "x"}', "not text": "\xff"}
+        wrong["cut"] = beside.read_text()[:80]
         beside.write_bytes(wrong[damage].encode("latin-1"))
     back = load_clip_bvh(path)
     assert len(back) == 61
@@ -283,14 +267,8 @@ def test_a_motion_opens_without_its_metadata(tmp_path, damage, caplog):
 def test_fields_of_another_type_or_from_another_version_are_left_out(tmp_path):
     path = save_bvh(made_clip(), tmp_path / "take.bvh")
     told = json.loads(sidecar_path(path).read_text("utf-8"))
-    told |= {
-        "seed": "7",
-        "model": 3,
-        "strength": float("nan"),
-        "gait_seconds": [1],
-        "terrain": None,
-        "new": 1,
-    }
+    told |= {"seed": "7", "model": 3, "strength": float("nan"), "gait_seconds": [1]}
+    told |= {"terrain": None, "new": 1}
     told["prompts"] = [5, {"seconds": "x", "prompt": "calm", "words": "x"}, {}]
     sidecar_path(path).write_text(json.dumps(told), "utf-8")
     back = load_clip_bvh(path)

@@ -114,10 +114,8 @@ def take(studio: Studio) -> Take:
 
 def same(a: Clip, b: Clip, first: int = 0, last: int | None = None) -> bool:
     keep = slice(first, last)
-    return all(
-        np.array_equal(getattr(a, name)[keep], getattr(b, name)[keep])
-        for name in ("hips_positions", "local_rotations", "contacts")
-    )
+    arrays = ("hips_positions", "local_rotations", "contacts")
+    return all(np.array_equal(getattr(a, name)[keep], getattr(b, name)[keep]) for name in arrays)
 
 
 def style(frame: int, k: int = 2, seconds: float = 0.4) -> StyleChange:
@@ -210,9 +208,8 @@ def test_a_gait_where_the_stick_rests_goes_on_as_it_pointed(take: Take) -> None:
 def test_moved_gaits_still_fill_the_take(index: int, start: int, end: int) -> None:
     asked = [Gait.WALK] * 90 + [Gait.JOG] * 60 + [Gait.WALK] * 50 + [Gait.CROUCH] * 20
     frames = InputFrames.of(InputFrame(Controls((0.0, 1.0), None, gait), 1.0, 1.0) for gait in asked)
-    inputs = InputRecording(
-        frames, (), (Keyframe(-20, take_snapshot(Controller(WalkerModel(), Terrain.flat()))),)
-    )
+    key = Keyframe(-20, take_snapshot(Controller(WalkerModel(), Terrain.flat())))
+    inputs = InputRecording(frames, (), (key,))
     spans = input_edits.gait_spans(inputs.gaits())
     span = spans[index % len(spans)]
     edit = input_edits.gaits_laid(inputs, [index % len(spans)], [replace(span, start=start, end=end)])

@@ -15,13 +15,8 @@ from tests.helpers.counting import allocated
 
 sticks = st.tuples(*[st.floats(-MAX_STICK, MAX_STICK)] * 2)
 settings_ = st.floats(-10.0, 10.0)
-asked = st.builds(
-    InputFrame,
-    st.builds(Controls, sticks, st.none() | sticks, st.sampled_from(Gait)),
-    settings_,
-    settings_,
-    settings_,
-)
+controls = st.builds(Controls, sticks, st.none() | sticks, st.sampled_from(Gait))
+asked = st.builds(InputFrame, controls, settings_, settings_, settings_)
 
 
 @given(st.lists(asked, max_size=8), st.integers(0, 8), st.integers(0, 8))

@@ -56,9 +56,8 @@ def test_a_moved_key_takes_its_curve_along_and_no_other(frames, channel, by, val
     assert 0 <= key.frame + went < FRAMES
     expected = max(curves.keys(channel)[key.frame] + value, 0.1 if channel.curve is Curve.CAMERA else -1e9)
     assert made.keys(channel)[key.frame + went] == pytest.approx(expected, abs=1e-6)
-    others = [
-        each for each in curves.channels() if (each.curve, each.joint) != (channel.curve, channel.joint)
-    ]
+    one = (channel.curve, channel.joint)
+    others = [each for each in curves.channels() if (each.curve, each.joint) != one]
     assert all(made.keys(each) == curves.keys(each) for each in others)
     left = {f: v for f, v in curves.keys(channel).items() if f not in (key.frame, key.frame + went)}
     assert left.items() <= made.keys(channel).items()
@@ -70,9 +69,8 @@ def test_all_keys_together_keep_their_distances(frames, by):
     every = [CurveKey(channel, frame) for channel in curves.channels() for frame in frames]
     went, made = curves.bounded(every, by), curves.moved(every, by, lambda _: 0.0)
     for channel in curves.channels():
-        assert made.keys(channel) == pytest.approx(
-            {frame + went: value for frame, value in curves.keys(channel).items()}
-        )
+        moved = {frame + went: value for frame, value in curves.keys(channel).items()}
+        assert made.keys(channel) == pytest.approx(moved)
     assert made.moved([key._replace(frame=key.frame + went) for key in every], -went, lambda _: 0.0) == curves
 
 

@@ -27,9 +27,8 @@ def uneven_walk(frames: int = 400) -> Clip:
     t = np.arange(frames) / 60.0
     positions, world = Clip("w", 60.0, hips, local, contacts).world()
     ankles, feet = positions[:, LEG_FEET], world[:, LEG_FEET]
-    hips = hips + np.stack([0.015 * np.sin(1.1 * t), -0.05 + 0.01 * np.sin(0.7 * t), 0 * t], -1).astype(
-        np.float32
-    )
+    away = np.stack([0.015 * np.sin(1.1 * t), -0.05 + 0.01 * np.sin(0.7 * t), 0 * t], -1)
+    hips = hips + away.astype(np.float32)
     bend = rotations.from_axis_angle(np.tile([0.0, 0.0, 1.0], (frames, 1)), 0.12 * np.sin(0.9 * t))
     for joint in (11, 15, 18, 25):
         local[:, joint] = rotations.multiply(local[:, joint], bend)
@@ -93,9 +92,8 @@ def onto_the_last(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("fps", [60.0, 30.0])
 @pytest.mark.parametrize("ground_root", [False, True])
 def test_the_file_closes_by_what_is_read_from_it_alone(tmp_path: Path, fps: float, ground_root: bool) -> None:
-    save_motion(
-        uneven_walk(), tmp_path / "loop.bvh", ExportOptions(loop=True, fps=fps, ground_root=ground_root), FLAT
-    )
+    options = ExportOptions(loop=True, fps=fps, ground_root=ground_root)
+    save_motion(uneven_walk(), tmp_path / "loop.bvh", options, FLAT)
     positions, world = load_clip_bvh(tmp_path / "loop.bvh").world()
     positions = positions.astype(float)
     turn, way = onto_the_last(positions)

@@ -59,9 +59,8 @@ def test_one_frame_alone_is_as_in_the_whole_take_and_costs_one(
     walk: Clip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     layer = PoseLayer((PoseKey(1.0).with_value(Curve.TURN, HEAD, np.array([0.0, 0.4, 0.0])),), keeps=True)
-    pins = parse_pins(
-        "left hand 0.3 1.2 1 from 1 to 2; look 2 1.2 4 from 0.5 to 1.5; pose 1.5 from 0.2 to 0.8"
-    )
+    text = "left hand 0.3 1.2 1 from 1 to 2; look 2 1.2 4 from 0.5 to 1.5; pose 1.5 from 0.2 to 0.8"
+    pins = parse_pins(text)
     take = Take(1, Motion.of(walk), poses=PoseEdits(pins, layer=layer))
     whole, posed = take.clip, list[int]()
 
@@ -123,8 +122,6 @@ def test_what_is_no_pin_is_refused(text: str) -> None:
 
 
 # --- plants
-
-
 def test_a_plant_is_longer_moved_removed_and_added(walk: Clip) -> None:
     bearing = footplants(walk.contacts[:, :2])
     old = bearing[1]
@@ -154,10 +151,9 @@ def test_a_plant_does_not_run_into_its_neighbours(walk: Clip) -> None:
     bearing = footplants(walk.contacts[:, :2])
     first, end = fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), bearing[1], -100, 1000)
     assert bearing[0][1] < first < end < bearing[2][0]
+    begun = bearing[1][0]
     with pytest.raises(UsageError, match="bears already"):
-        fitted_footplant(
-            footplants(walk.contacts[:, :2]), len(walk), None, bearing[1][0] + 1, bearing[1][0] + 3
-        )
+        fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), None, begun + 1, begun + 3)
 
 
 @settings(max_examples=15)
@@ -167,13 +163,8 @@ def test_any_plant_leaves_poses_of_rigid_bones(
 ) -> None:
     bearing = footplants(walk.contacts[:, 2 * foot : 2 * foot + 2])
     old = bearing[min(which, len(bearing) - 1)]
-    new = fitted_footplant(
-        footplants(walk.contacts[:, 2 * foot : 2 * foot + 2]),
-        len(walk),
-        old,
-        old[0] + by,
-        max(old[1] + by + longer, old[0] + by + 1),
-    )
+    known, begin = footplants(walk.contacts[:, 2 * foot : 2 * foot + 2]), old[0] + by
+    new = fitted_footplant(known, len(walk), old, begin, max(old[1] + by + longer, begin + 1))
     made = replanted(walk, [FootplantEdit(foot, old, new)])
     assert new in footplants(made.contacts[:, 2 * foot : 2 * foot + 2])
     assert np.allclose(np.linalg.norm(made.local_rotations, axis=-1), 1.0, atol=1e-4)
@@ -184,10 +175,8 @@ def test_any_plant_leaves_poses_of_rigid_bones(
 
 
 def test_a_session_keeps_the_motion_under_its_edits(walk: Clip, tmp_path: Path) -> None:
-    edits = PoseEdits(
-        parse_pins("left hand 0.3 1.2 1 from 1 to 2"),
-        (FootplantEdit(1, footplants(walk.contacts[:, 2:])[0], None),),
-    )
+    gone = FootplantEdit(1, footplants(walk.contacts[:, 2:])[0], None)
+    edits = PoseEdits(parse_pins("left hand 0.3 1.2 1 from 1 to 2"), (gone,))
     made, history = Take(1, Motion.of(walk), poses=edits), History()
     history.push("take", Session((made,), counter=1))
     file = SessionFile.create(tmp_path / "a.sport", tmp_path)

@@ -25,9 +25,8 @@ from runtime.takes.pose_layer import (
     turned,
 )
 
-HEAD, HAND, ELBOW, KNEE, ARM = (
-    SPORT_SKELETON.index(name) for name in ("Head", "LeftHand", "LeftForeArm", "LeftLeg", "LeftArm")
-)
+JOINTS = ("Head", "LeftHand", "LeftForeArm", "LeftLeg", "LeftArm")
+HEAD, HAND, ELBOW, KNEE, ARM = (SPORT_SKELETON.index(name) for name in JOINTS)
 small = st.floats(-1.0, 1.0).map(lambda value: round(value, 3))
 vectors = st.tuples(small, small, small)
 
@@ -44,13 +43,11 @@ def layer_of(*keys: PoseKey, fps: float = 60.0, **options: float | bool) -> Pose
 def test_a_turn_is_there_at_its_key_and_nowhere_outside_its_eases(
     walk: Clip, vector: tuple[float, float, float], at: int
 ) -> None:
-    layer = layer_of(
-        PoseKey(at / 60.0).with_value(Curve.TURN, HEAD, np.array(vector)), ease_in=0.25, ease_out=0.5
-    )
+    key = PoseKey(at / 60.0).with_value(Curve.TURN, HEAD, np.array(vector))
+    layer = layer_of(key, ease_in=0.25, ease_out=0.5)
     made = layered(walk, layer)
-    expected = rotations.multiply(
-        walk.local_rotations[at, HEAD], rotations.from_rotation_vector(np.array(vector))
-    )
+    turn = rotations.from_rotation_vector(np.array(vector))
+    expected = rotations.multiply(walk.local_rotations[at, HEAD], turn)
     assert rotations.angle_between(made.local_rotations[at, HEAD], expected) < 1e-3
     outside = np.r_[0 : at - 15, at + 31 : len(walk)]
     assert np.array_equal(made.local_rotations[outside], walk.local_rotations[outside])
@@ -59,10 +56,8 @@ def test_a_turn_is_there_at_its_key_and_nowhere_outside_its_eases(
 
 
 def test_joints_have_curves_of_their_own_and_the_last_key_can_hold(walk: Clip) -> None:
-    head, arm = (
-        PoseKey(0.5).with_value(Curve.TURN, HEAD, np.eye(3)[0]),
-        PoseKey(1.5).with_value(Curve.TURN, ARM, np.eye(3)[1]),
-    )
+    head = PoseKey(0.5).with_value(Curve.TURN, HEAD, np.eye(3)[0])
+    arm = PoseKey(1.5).with_value(Curve.TURN, ARM, np.eye(3)[1])
     layer = layer_of(head, arm, ease_in=0.25, ease_out=0.25)
     times = np.array([0.5, 1.0, 1.5])
     assert np.allclose(layer.values(Curve.TURN, HEAD, times), [[1, 0, 0], [0, 0, 0], [0, 0, 0]])
@@ -88,11 +83,8 @@ def test_a_curve_passes_its_keys_and_stays_between_them(values: list[float], tan
 def test_feet_stay_where_they_are_while_the_hips_move(
     walk: Clip, down: float, ahead: float, pitch: float
 ) -> None:
-    key = (
-        PoseKey(1.0)
-        .with_value(Curve.MOVE, 0, np.array([0.0, -down, ahead]))
-        .with_value(Curve.TURN, 0, np.array([pitch, 0.0, 0.0]))
-    )
+    key = PoseKey(1.0).with_value(Curve.MOVE, 0, np.array([0.0, -down, ahead]))
+    key = key.with_value(Curve.TURN, 0, np.array([pitch, 0.0, 0.0]))
     made = layered(walk, layer_of(key))
     before, after = (clip.world()[0][:, LEG_FEET] for clip in (walk, made))
     straight = np.linalg.norm(after - made.world()[0][:, [2, 7]], axis=-1) > 0.83
@@ -126,9 +118,8 @@ def test_a_copied_pose_is_the_same_elsewhere(walk: Clip, mirror: bool) -> None:
     key = pose_as_key(walk.hips_positions[20], local, walk, 75)
     made = layered(walk, layer_of(key))
     own = made.local_rotations[75].astype(float)
-    own[0] = rotations.multiply(
-        rotations.from_yaw(rotations.yaw_of(local[0]) - rotations.yaw_of(own[0])), own[0]
-    )
+    turn = rotations.from_yaw(rotations.yaw_of(local[0]) - rotations.yaw_of(own[0]))
+    own[0] = rotations.multiply(turn, own[0])
     assert np.degrees(rotations.angle_between(own, local)).max() < 1.0
     assert made.hips_positions[75, 1] == pytest.approx(walk.hips_positions[20, 1], abs=1e-5)
 

@@ -33,9 +33,8 @@ def test_no_knee_flips_where_a_jogger_meets_a_slope_of_45_degrees(
     ways = np.linspace(-20.0, 20.0, 401)
     heights = np.clip(ways - 3.0, 0.0, 4.0) * rise
     controller = Controller(shipped_model(), Terrain.flat(), seed=seed)
-    controller.set_terrain(
-        Terrain("slope", np.tile(heights.astype(np.float32), (401, 1)), 0.1, (-20.0, -20.0))
-    )
+    slope = np.tile(heights.astype(np.float32), (401, 1))
+    controller.set_terrain(Terrain("slope", slope, 0.1, (-20.0, -20.0)))
     last, fastest = controller.pose.positions, 0.0
     for _ in range(round(seconds * FPS)):
         joints = controller.step(Controls((0.0, 1.0), None, Gait.JOG)).positions

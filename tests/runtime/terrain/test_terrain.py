@@ -17,9 +17,8 @@ places = st.floats(-6.0, 6.0)
 
 
 def bumpy():
-    return Terrain(
-        "bumpy", np.random.default_rng(0).normal(size=(21, 31)).astype(np.float32), 0.25, (-2.0, -3.0)
-    )
+    heights = np.random.default_rng(0).normal(size=(21, 31)).astype(np.float32)
+    return Terrain("bumpy", heights, 0.25, (-2.0, -3.0))
 
 
 @given(places, places)
@@ -84,9 +83,7 @@ def test_an_unknown_name_lists_the_names():
     assert all(name in str(error.value) for name in TERRAIN_NAMES)
 
 
-# --- files -----------------------------------------------------------------------------------------------------------
-
-
+# --- files
 def test_the_shipped_height_map_loads():
     t = load_terrain(asset_path("terrains/bowl.png"))
     assert t.name == "bowl"
@@ -104,9 +101,8 @@ def test_png_height_maps_keep_16_bits_and_their_orientation(tmp_path):
     assert float(t.height(-1.0 + 0.5 * 4, -2.0 + 0.5 * 8)) == pytest.approx(heights[4, 8] * 3.0, abs=1e-3)
     grey = Image.fromarray(np.array([[0, 255], [51, 102]], np.uint8))
     grey.save(tmp_path / "grey.png")
-    np.testing.assert_allclose(
-        load_terrain(tmp_path / "grey.png", height_m=1.0).heights, [[0, 0.2], [1, 0.4]], atol=1e-6
-    )
+    heights = load_terrain(tmp_path / "grey.png", height_m=1.0).heights
+    np.testing.assert_allclose(heights, [[0, 0.2], [1, 0.4]], atol=1e-6)
 
 
 def test_npy_floats_are_metres_and_unsigned_integers_are_scaled(tmp_path):

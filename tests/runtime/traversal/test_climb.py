@@ -58,9 +58,8 @@ def played(crossing: Climb, style: str = "upright") -> tuple[Array, Array]:
     hips, local = standing(style)
     times = np.arange(0.0, crossing.seconds, 1.0 / FPS)
     poses = [crossing.pose(t, moved(hips, crossing.root_z(t)), local) for t in times]
-    positions, _ = SPORT_SKELETON.forward_kinematics(
-        np.array([p.hips for p in poses]), np.array([p.local for p in poses])
-    )
+    hips, local = np.array([p.hips for p in poses]), np.array([p.local for p in poses])
+    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
     return positions, np.array([p.contacts for p in poses])
 
 

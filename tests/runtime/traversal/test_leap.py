@@ -28,16 +28,8 @@ def stride(kind: ObstacleKind, top: float, speed: float, stance: int = 0, farthe
     turned = [rotations.identity(()), raised]
     sides = np.array([[0.09, 0.0, 0.0], [-0.09, 0.0, 0.0]])
     order = (0, 1) if stance == 0 else (1, 0)
-    return LeapStart(
-        z - 0.25,
-        speed,
-        seconds,
-        0.0,
-        stance,
-        np.array([feet[k] for k in order]) + sides,
-        np.array([turned[k] for k in order]),
-        HIPS,
-    )
+    places, turns = np.array([feet[k] for k in order]) + sides, np.array([turned[k] for k in order])
+    return LeapStart(z - 0.25, speed, seconds, 0.0, stance, places, turns, HIPS)
 
 
 def walked(leap: Leap) -> tuple[np.ndarray, np.ndarray]:

@@ -44,9 +44,8 @@ def walker(frames: int = 300) -> EditedMotion:
     local[:, 0] = rotations.from_yaw(0.1 * np.cos(step))
     local[:, SPORT_SKELETON.index("Spine1")] = rotations.from_yaw(-0.15 * np.cos(step))
     local = keep_feet(EditedMotion(hips, local, before.contacts, before.ground), before)
-    return EditedMotion(
-        hips.astype(float), local.astype(float), contacts.astype(np.uint8), Terrain.flat(size_m=80.0)
-    )
+    hips, local, contacts = hips.astype(float), local.astype(float), contacts.astype(np.uint8)
+    return EditedMotion(hips, local, contacts, Terrain.flat(size_m=80.0))
 
 
 def measured(motion: EditedMotion) -> BodyMeasures:
@@ -146,12 +145,8 @@ def test_bases_show_edits_of_legs_on_their_own_and_together_and_nothing_that_is_
     assert {n for names in drawn for n in names if "leg" in edits[n].slot} == legs
     parts = {part for names in drawn for n in names for part in edits[n].phrases}
     assert parts == {"left_leg", "right_leg", "torso"}
-    together = [
-        n
-        for names in drawn
-        for n in [{edits[n].measure[1] for n in names if edits[n].slot == "legs"}]
-        if len(n) > 1
-    ]
+    legs = [{edits[n].measure[1] for n in names if edits[n].slot == "legs"} for names in drawn]
+    together = [measures for measures in legs if len(measures) > 1]
     assert len({frozenset(n) for n in together}) > 15
     assert {"width", "foot_pitch"} in together  # on tiptoes along a line
     assert {"knee_bend", "cadence"} in together
@@ -221,6 +216,5 @@ def test_the_sentences_of_the_clause_rules_are_those_of_the_edits() -> None:
     for name, text in sentences.items():
         edit = name.rstrip("_23456789")
         edit = edit if edit in part_edits() else f"left_{edit}"
-        assert text.replace("{s}", "left") in {p for ps in part_edits()[edit].phrases.values() for p in ps}, (
-            name
-        )
+        phrases = {phrase for known in part_edits()[edit].phrases.values() for phrase in known}
+        assert text.replace("{s}", "left") in phrases, name

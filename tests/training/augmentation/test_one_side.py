@@ -68,12 +68,8 @@ SIX = PartDescriptions(
 
 def test_inputs_hold_what_their_length_says():
     encoder = _Words()
-    assert input_sizes(6) == {
-        6: (False, False),
-        7: (False, True),
-        6 + len(GROUPS): (True, False),
-        7 + len(GROUPS): (True, True),
-    }
+    sizes = {6: (False, False), 7: (False, True)}
+    assert input_sizes(6) == sizes | {6 + len(GROUPS): (True, False), 7 + len(GROUPS): (True, True)}
     for size in input_sizes(6):
         assert sentence_inputs(encoder, SIX.as_tuple(), size).shape == (6, size)
     with pytest.raises(ModelError, match="5 numbers"):
@@ -116,10 +112,9 @@ def test_the_code_of_mirrored_words_is_the_mirrored_code():
             part.bias.normal_()
         read, other = reader(own[None]), reader(mirrored[None])
     pairs = {
-        "left_arm": "right_arm",
-        "right_arm": "left_arm",
-        "left_leg": "right_leg",
-        "right_leg": "left_leg",
+        f"{a}_{limb}": f"{b}_{limb}"
+        for limb in ("arm", "leg")
+        for a, b in (("left", "right"), ("right", "left"))
     }
     for k, name in enumerate(PART_NAMES):
         parity = getattr(reader, f"parity_{name}")

@@ -106,11 +106,8 @@ def test_a_limp_is_unequal_time_on_either_foot(name: str) -> None:
     before, after = edited(name)
     side = part_edits()[name].slot
     wanted = part_edits()[name].parameters["uneven"]
-    alone = [
-        (m.contacts[:, :2].any(1) & ~m.contacts[:, 2:].any(1)).sum()
-        / (m.contacts[:, 2:].any(1) & ~m.contacts[:, :2].any(1)).sum()
-        for m in (before, after)
-    ]
+    borne = [(m.contacts[:, :2].any(1), m.contacts[:, 2:].any(1)) for m in (before, after)]
+    alone = [(left & ~right).sum() / (right & ~left).sum() for left, right in borne]
     ratio = alone[1] / alone[0]
     ratio = ratio if side == "left_leg" else 1.0 / ratio
     assert np.log(ratio) / np.log(wanted) == pytest.approx(1.0, abs=0.25)
@@ -138,10 +135,8 @@ def test_feet_are_set_down_where_the_edit_says(name: str) -> None:
 
 
 def test_a_stomp_lands_hard_and_a_soft_step_does_not() -> None:
-    speeds = {
-        name: measured(edited(name)[1]).left_leg.landing
-        for name in ("legs.soft", "legs.stomping", "legs.stomping_hard")
-    }
+    names = ("legs.soft", "legs.stomping", "legs.stomping_hard")
+    speeds = {name: measured(edited(name)[1]).left_leg.landing for name in names}
     plain = measured(walker(600)).left_leg.landing
     assert speeds["legs.soft"] < plain < speeds["legs.stomping"] < speeds["legs.stomping_hard"]
     assert speeds["legs.stomping"] > plain + 0.2

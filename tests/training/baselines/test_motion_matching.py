@@ -164,10 +164,7 @@ def test_styles_are_labels(model, base):
     assert near.walk_speed < 0.7 * model.fold_style(np.zeros((6, 64), np.float32)).walk_speed
     seen = []
     output = model._output
-    model._output = lambda world, hips, root, playing: (
-        seen.append(playing.place),
-        output(world, hips, root, playing),
-    )[1]
+    model._output = lambda *given: (seen.append(given[3].place), output(*given))[1]
     run(model, lambda t: Controls((0.0, 1.0)), 1.0, style=np.ones((6, 64), np.float32))
     assert {base.styles[base.style[place // STEP]] for place in seen} == {"old"}
     with pytest.raises(ModelError, match="shape"):
@@ -199,11 +196,8 @@ def test_a_database_is_kept_and_a_damaged_one_is_named(base, tmp_path):
 def test_a_folder_of_another_kind_is_opened_by_its_entry_point(base, tmp_path, monkeypatch):
     folder = export(base, model_folder(), tmp_path / "database")
     project = tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text())
-    points = [
-        EntryPoint(name, value, group)
-        for group, named in project["project"]["entry-points"].items()
-        for name, value in named.items()
-    ]
+    groups = project["project"]["entry-points"].items()
+    points = [EntryPoint(name, value, group) for group, named in groups for name, value in named.items()]
     monkeypatch.setattr("runtime.motion.model.entry_points", EntryPoints(points).select)
     assert isinstance(load_model(folder), MatchingModel)
     metadata = json.loads((folder / "metadata.json").read_text())

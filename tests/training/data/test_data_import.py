@@ -75,9 +75,8 @@ def march(fps: float = 60.0, metres_per_second: float = 0.6) -> str:
         local[:, NAMES.index(f"{side}Knee")] = rotations.from_axis_angle(x, 1.2 * phase)
         local[:, NAMES.index(f"{side}Ankle")] = rotations.from_axis_angle(x, -0.6 * phase)
         angle = -1.3 * s if side == "Right" else 0.5
-        local[:, NAMES.index(f"{side}Shoulder")] = rotations.from_axis_angle(
-            np.array([0, 0, 1.0]), np.array(angle)
-        )
+        turn = rotations.from_axis_angle(np.array([0, 0, 1.0]), np.array(angle))
+        local[:, NAMES.index(f"{side}Shoulder")] = turn
     hips = np.stack([np.zeros_like(t), np.full_like(t, 1.05), metres_per_second * t], -1)
     return format_bvh(skeleton, {0: hips}, local, fps, order="YXZ")
 
@@ -102,9 +101,8 @@ def test_retarget_keeps_sides_posture_and_ground() -> None:
     # the raised arm
     assert np.all(positions[:, index("LeftHand"), 1] > positions[:, index("LeftArm"), 1] + 0.1)
     assert np.all(positions[:, index("RightHand"), 1] < positions[:, index("RightArm"), 1] - 0.3)
-    knee_forward = positions[:, index("LeftLeg"), 2] - 0.5 * (
-        positions[:, index("LeftUpLeg"), 2] + positions[:, index("LeftFoot"), 2]
-    )
+    hip, knee, ankle = (positions[:, index(f"Left{name}"), 2] for name in ("UpLeg", "Leg", "Foot"))
+    knee_forward = knee - 0.5 * (hip + ankle)
     assert knee_forward.min() > -0.01  # knees never bend backwards
     lowest = positions[:, [index("LeftToeBase"), index("RightToeBase")], 1].min(1)
     np.testing.assert_allclose(np.median(lowest), TOE_HEIGHT, atol=0.01)
@@ -129,9 +127,8 @@ def test_head_lift_tilts_face_and_neck_and_nothing_else() -> None:
     before, after = (retarget(load_source(motion, s), feet, None, flex_toes=False) for s in (plain, lifted))
     (_, world_before), (_, world_after) = (SPORT_SKELETON.forward_kinematics(*r) for r in (before, after))
     np.testing.assert_allclose(pitch(world_after, "Head") - pitch(world_before, "Head"), 16.0, atol=0.01)
-    np.testing.assert_allclose(
-        pitch(world_after, "Neck1") - pitch(world_before, "Neck1"), 16.0 / 3, atol=0.01
-    )
+    neck = pitch(world_after, "Neck1") - pitch(world_before, "Neck1")
+    np.testing.assert_allclose(neck, 16.0 / 3, atol=0.01)
     others = [j for j in range(31) if j not in (index("Neck1"), index("Head"))]
     np.testing.assert_array_equal(after[1][:, others], before[1][:, others])
     np.testing.assert_array_equal(after[0], before[0])
@@ -148,10 +145,8 @@ def test_head_lift_is_local_so_a_turned_head_keeps_its_symmetry() -> None:
     turned["Neck1"], turned["Head"] = (np.tile(q, (len(source.ankles), 1)) for q in (neck, head))
     result = retarget(replace(source, rotations=turned), feet, None, flex_toes=False)
     theta = np.deg2rad(16.0)
-    for joint, local, share in (
-        ("Neck1", neck, 1 / 3),
-        ("Head", rotations.from_axis_angle(y, np.array(0.4)), 2 / 3),
-    ):
+    own = rotations.from_axis_angle(y, np.array(0.4))
+    for joint, local, share in (("Neck1", neck, 1 / 3), ("Head", own, 2 / 3)):
         expected = rotations.multiply(local, rotations.from_axis_angle(x, np.array(-share * theta)))
         assert rotations.angle_between(result[1][:, index(joint)], expected).max() < 1e-3
 
@@ -241,9 +236,8 @@ def test_every_axis_map_is_a_rotation() -> None:
             if joint.axes:
                 c = skeleton.corrections(motion)[target] if skeleton.name == "100style" else None
                 assert c is None or np.isclose(np.linalg.norm(c), 1.0)
-                x, y, z = (
-                    np.eye(3)["XYZ".index(w[1])] * (1 if w[0] == "+" else -1) for w in joint.axes.split()
-                )
+                words = joint.axes.split()
+                x, y, z = (np.eye(3)["XYZ".index(w[1])] * (1 if w[0] == "+" else -1) for w in words)
                 np.testing.assert_allclose(np.cross(x, y), z, err_msg=f"{skeleton.name} {target}")
 
 
@@ -352,9 +346,8 @@ def test_mirror_is_an_involution_and_moves_the_ground() -> None:
     assert mirrored.mirrored
     x, z = np.array([1.2, 2.1]), np.array([-1.9, -1.3])
     for k in range(2):
-        np.testing.assert_allclose(
-            mirrored.patches.terrain(k).height(-x, z), patches.terrain(k).height(x, z), atol=1e-5
-        )
+        heights = mirrored.patches.terrain(k).height(-x, z), patches.terrain(k).height(x, z)
+        np.testing.assert_allclose(*heights, atol=1e-5)
     twice = mirrored.mirror()
     assert rotations.angle_between(twice.local, clip.local).max() < 1e-3
     np.testing.assert_array_equal(twice.contacts, clip.contacts)
@@ -364,9 +357,8 @@ def test_mirror_is_an_involution_and_moves_the_ground() -> None:
 def test_wrapped_height_repeats() -> None:
     heights = np.random.default_rng(2).normal(size=(8, 6))
     x, z = np.array([0.13, -0.4]), np.array([0.2, 0.05])
-    np.testing.assert_allclose(
-        wrapped_height(heights, 0.1, x, z), wrapped_height(heights, 0.1, x + 0.8, z - 0.6)
-    )
+    other = wrapped_height(heights, 0.1, x + 0.8, z - 0.6)
+    np.testing.assert_allclose(wrapped_height(heights, 0.1, x, z), other)
     np.testing.assert_allclose(wrapped_height(heights, 0.1, np.zeros(1), np.zeros(1)), heights[4, 3])
 
 

@@ -42,9 +42,8 @@ def test_prompts_of_the_shipped_lists_are_read(path: Path) -> None:
         assert all(" | " in line for line in lines)
     else:
         library = shipped_prompter().library
-        wrong = {
-            prompt: problem for prompt in read_prompts(path)[::10] if (problem := read(prompt, library)[1])
-        }
+        found = {prompt: read(prompt, library)[1] for prompt in read_prompts(path)[::10]}
+        wrong = {prompt: problem for prompt, problem in found.items() if problem}
         assert wrong == {}
 
 

@@ -151,9 +151,8 @@ def results():
     """A walker at a wall of 60 cm, scored."""
     course = replace(next(c for c in COURSES if c.name == "wall"), obstacles=WALLS[:1])
 
-    evaluated = SimpleNamespace(
-        model=WalkerModel(), style=lambda style, number: np.zeros((6, 64), np.float32)
-    )
+    code = np.zeros((6, 64), np.float32)
+    evaluated = SimpleNamespace(model=WalkerModel(), style=lambda style, number: code)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("training.evaluation.on_obstacles.GAITS", (Gait.WALK,))
         settle_soon(patch)

@@ -92,12 +92,8 @@ def results(clips):
         patch.setattr(scores, "DIVERSITY_LEAD_IN", 20)
         patch.setattr(evaluated_model, "TIMED_FRAMES", 10)
         patch.setattr(driving, "LEAD_IN_FRAMES", 30)
-        return {
-            "command": "sport evaluate",
-            "feature_sets": plan.feature_sets,
-            "held_out": score_held_out(plan),
-            "models": [score_model(plan, FakeModel())],
-        }
+        found = {"held_out": score_held_out(plan), "models": [score_model(plan, FakeModel())]}
+        return {"command": "sport evaluate", "feature_sets": plan.feature_sets, **found}
 
 
 def test_catalogue_knows_captured_clips_only(clips):

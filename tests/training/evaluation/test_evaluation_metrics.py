@@ -31,9 +31,7 @@ from training.evaluation.motion.driving import path_error, ring
 FLAT = Terrain.flat(size_m=100.0)
 
 
-# -- Frechet distance -------------------------------------------------------------------------------------------------
-
-
+# --- Frechet distance
 def exact(mean, covariance, rows=400, seed=0):
     """Rows whose sample mean and covariance are exactly these."""
     x = np.random.default_rng(seed).normal(size=(rows, len(mean)))
@@ -117,9 +115,7 @@ def test_projection_keeps_what_varies_and_ignores_what_does_not():
     assert scaled(x).std(0) == pytest.approx(np.ones(3), abs=0.15)
 
 
-# -- feet -------------------------------------------------------------------------------------------------------------
-
-
+# --- feet
 def standing(height, frames=11, step=(0.0, 0.0, 0.0)):
     """All joints at one height, moving by `step` metres a frame."""
     return np.full((frames, J, 3), [0.0, height, 0.0]) + np.arange(frames)[:, None, None] * np.array(step)
@@ -169,9 +165,7 @@ def test_terrain_feet_tells_sinking_from_floating():
     assert terrain_feet(down, FLAT)["sunk_joint_p99"] == pytest.approx(2.2, abs=1e-4)
 
 
-# -- smoothness, diversity, courses -----------------------------------------------------------------------------------
-
-
+# --- smoothness, diversity, courses
 def test_jerk_of_a_cubic_is_its_third_derivative():
     t = np.arange(30) / 60.0
     positions = np.zeros((30, 2, 3))
@@ -207,17 +201,14 @@ def test_diversity_is_the_norm_of_the_pose_difference():
 
 def test_path_error_is_the_distance_to_the_course():
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    assert path_error(np.array([[0.0, 0.0], [0.5, 1.0], [2.0, 0.3], [2.0, 2.0]]), square) == pytest.approx(
-        [1.0, 0.0, 1.0, 2**0.5]
-    )
+    error = path_error(np.array([[0.0, 0.0], [0.5, 1.0], [2.0, 0.3], [2.0, 2.0]]), square)
+    assert error == pytest.approx([1.0, 0.0, 1.0, 2**0.5])
     course = ring()
     assert path_error(course[:50], course) == pytest.approx(np.zeros(50), abs=1e-9)
     assert 6.7 < np.linalg.norm(course, axis=1).min() < np.linalg.norm(course, axis=1).max() < 9.3
 
 
-# -- windows, recognition ---------------------------------------------------------------------------------------------
-
-
+# --- windows, recognition
 def test_windows_cover_forty_samples_of_every_second_frame():
     assert window_starts(79, 10).tolist() == [0]
     assert len(window_starts(78, 10)) == 0

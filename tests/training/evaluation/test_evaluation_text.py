@@ -75,9 +75,7 @@ def reference(clips: Path) -> CapturedReference:
     return load_reference(clips)
 
 
-# --- part edits ---
-
-
+# --- part edits
 def test_every_held_out_edit_and_pair_is_asked_for_in_all_its_phrases() -> None:
     cases = {c.name: c for c in catalogue_cases(NEUTRAL)}
     zero_shot = [c for c in cases.values() if c.kind in ("held out", "pair", "held-out rhythm")]
@@ -167,9 +165,7 @@ def test_the_median_of_the_walks_counts(reference: CapturedReference) -> None:
     assert edits.totals([row, {**row, "right_way": False}])["right_way"] == 0.5
 
 
-# --- retrieval ---
-
-
+# --- retrieval
 def test_codes_compare_as_equation_2_does() -> None:
     random = np.random.default_rng(0)
     mean, log_variance = random.standard_normal((2, 4, 6, 64))
@@ -209,13 +205,8 @@ def _codes(*numbers: int) -> np.ndarray:
 
 def test_scores_count_what_is_found_first() -> None:
     styles = ["angry", "angry", "happy", "neutral_bn"]
-    texts = {
-        "angry": _codes(0, 0),
-        "happy": _codes(1),
-        "neutral": _codes(2),
-        "neutral_bn": _codes(3),
-        "old": _codes(4),
-    }
+    numbers = {"angry": (0, 0), "happy": (1,), "neutral": (2,), "neutral_bn": (3,), "old": (4,)}
+    texts = {style: _codes(*known) for style, known in numbers.items()}
     # the happy clip moves as the angry ones
     found = retrieval.scores(styles, list(_codes(0, 0, 0, 2)), texts)
     assert found["motion_to_text"]["r1"] == 0.5
@@ -229,9 +220,7 @@ def test_only_held_out_captured_clips_of_described_styles_are_in_the_gallery(cli
         held_out_clips(clips, ["angry"])
 
 
-# --- part independence ------------------------------------------------------------------------------------------------
-
-
+# --- part independence
 def test_a_walk_out_of_step_or_turned_differs_little_from_itself() -> None:
     hips, local, contacts = walk(64 * 6)
     early, late = (summarise(x[0], x[1], x[2]) for x in (
@@ -275,9 +264,7 @@ def test_an_edit_of_one_part_leaves_the_others_alone(reference: CapturedReferenc
     assert found["head"] < 0.01
 
 
-# --- walks and the whole --------------------------------------------------------------------------------------
-
-
+# --- walks and the whole
 def test_a_walk_is_made_once_and_always_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
     monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.25)

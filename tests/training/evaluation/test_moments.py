@@ -133,10 +133,8 @@ def test_raw_takes_are_measured_by_themselves() -> None:
 def test_an_exported_file_is_measured_and_shown(tmp_path: Path) -> None:
     local = identity((len(SPORT_SKELETON),)).astype(np.float32)
     positions = SPORT_SKELETON.forward_kinematics(np.array([[0.0, 1.0, 0.0]]), local[None].astype(float))[0]
-    poses = [
-        Pose(np.array([0.0, 1.0, 0.0], np.float32), local, positions[0], local, np.ones(4), np.zeros(3), 0.0)
-        for _ in range(240)
-    ]
+    about = (local, np.ones(4), np.zeros(3), 0.0)
+    poses = [Pose(np.array([0.0, 1.0, 0.0], np.float32), local, positions[0], *about) for _ in range(240)]
     path = tmp_path / "still.bvh"
     save_bvh(clip_of(poses, "still", (), "flat"), path)
     found = m.measure(path, "stand 4")

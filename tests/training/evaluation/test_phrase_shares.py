@@ -45,9 +45,7 @@ def measured(name: str = "") -> BodyMeasures:
     return measure(motion.hips, motion.local, motion.contacts)
 
 
-# --- the table --------------------------------------------------------------------------------------------------------
-
-
+# --- the table
 def test_a_sentence_of_the_right_limb_is_looked_up_as_one_of_the_left() -> None:
     assert as_left_limb("Right hand on the  hip", "right_arm") == ("arm", "left hand on the hip")
     assert as_left_limb("head turned to the right", "head") == ("head", "head turned to the right")
@@ -94,11 +92,8 @@ def test_tables_are_read_and_damage_is_named(tmp_path: Path) -> None:
     tables = {"compact": {"sentences": {"head": {"head down": 0.5}}, "clauses": {}}}
     path.write_text(json.dumps(tables), "utf-8")
     assert load_adherence(path)["compact"].of("head down", "head") == 0.5
-    for damage in (
-        '{"compact": {"sentences": {}}}',
-        "[1]",
-        '{"a": {"sentences": {"head": {"x": 7}}, "clauses": {}}}',
-    ):
+    share = '{"a": {"sentences": {"head": {"x": 7}}, "clauses": {}}}'
+    for damage in ('{"compact": {"sentences": {}}}', "[1]", share):
         path.write_text(damage, "utf-8")
         with pytest.raises(FileError, match=r"shares\.json"):
             load_adherence(path)
@@ -125,9 +120,7 @@ def test_the_library_prefers_the_sentence_that_is_shown() -> None:
     assert legs["left_leg"] == legs["right_leg"], "nobody walks on the legs of two"
 
 
-# --- claims -----------------------------------------------------------------------------------------------------------
-
-
+# --- claims
 @pytest.mark.parametrize(
     ("part", "clause", "edit"),
     table(__file__, "a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral"),
@@ -136,10 +129,8 @@ def test_a_clause_is_shown_by_the_motion_that_does_it_and_not_by_neutral(
     part: str, clause: str, edit: str
 ) -> None:
     neutral = measured()
-    shown, still = (
-        clause_fraction(part, clause, neutral, measured(edit)),
-        clause_fraction(part, clause, neutral, neutral),
-    )
+    motions = (measured(edit), neutral)
+    shown, still = (clause_fraction(part, clause, neutral, motion) for motion in motions)
     assert shown[0] > 0.8
     assert shown[1], "the clause asks for a change"
     assert still[0] == 0.0
@@ -151,9 +142,7 @@ def test_words_that_nothing_measures_claim_nothing() -> None:
     assert clauses("head down, looking at the ground, ") == ["head down", "looking at the ground"]
 
 
-# --- the command ------------------------------------------------------------------------------------------------------
-
-
+# --- the command
 class Prompter:
     """In place of a model's way from words to Z^t: a tilted head is all that the synthetic walker shows."""
 
@@ -170,10 +159,8 @@ class Prompter:
 @pytest.fixture
 def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few phrases, short walks of the synthetic walker."""
-    kept = {
-        name: part_edits()[name]
-        for name in ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
-    }
+    names = ("head.tilted_right", "head.turned_left", "left_arm.overhead", "legs.long")
+    kept = {name: part_edits()[name] for name in names}
     monkeypatch.setattr(words, "Prompter", Prompter)
     monkeypatch.setattr(words, "load_model", lambda folder: WalkerModel())
     monkeypatch.setattr(words, "read_metadata", lambda folder: {"calibration": {"phase": []}})

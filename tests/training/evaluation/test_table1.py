@@ -69,9 +69,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
     monkeypatch.setattr("training.pipeline.main", stages)
     for module in ("motion_matching", "train"):
         monkeypatch.setattr(f"training.baselines.{module}.make", method)
-    monkeypatch.setattr(
-        table1, "plan_of", lambda setting, seed: type("Plan", (), {"texts": {}, "seed": seed})
-    )
+    monkeypatch.setattr(table1, "plan_of", lambda _, seed: type("Plan", (), {"texts": {}, "seed": seed}))
     monkeypatch.setattr(table1, "capture_cells", lambda plan: {"fmd_kinematic": 1.0 + plan.seed})
     monkeypatch.setattr(table1, "EvaluatedModel", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
     monkeypatch.setattr(table1, "score_model", score)
@@ -108,9 +106,8 @@ def test_one_command_trains_and_scores_every_row_with_three_seeds_and_goes_on_af
         assert f"export full/seed{seed}" in work.done
         assert f"method style-label/seed{seed}" in work.done
     assert sum(what.startswith("score ") for what in work.done) == SEEDS * (len(ROWS) + 1)
-    assert work.done.index("score terrain/seed0/model by 0") < work.done.index(
-        "all full/seed1"
-    )  # whole tables first
+    # whole tables first
+    assert work.done.index("score terrain/seed0/model by 0") < work.done.index("all full/seed1")
     text = capsys.readouterr().out
     assert "| capture, one half against the other | 3 | – | 2.0 ± 1.0 |" in text
     for title in (SHIPPED, *(row.title for row in ROWS)):

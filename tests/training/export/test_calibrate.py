@@ -38,9 +38,8 @@ class Told:
         code = np.zeros((6, 64), np.float32)
         for k, part in enumerate(PART_NAMES):
             words = getattr(said, part)
-            numbers = [
-                n for n, name in enumerate(part_edits()) if words in part_edits()[name].phrases.get(part, ())
-            ]
+            told = [edit.phrases.get(part, ()) for edit in part_edits().values()]
+            numbers = [n for n, phrases in enumerate(told) if words in phrases]
             code[k, :2] = (1 + numbers[0], 1) if numbers else 0
         return code
 
@@ -53,20 +52,11 @@ class Gains:
 
 
 def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    names = [f"{side}_{name}" for name in PAIRS for side in ("left", "right")] + [
-        "torso.sway",
-        "legs.long",
-        "head.nodding",
-        "head.up_far",
-        *(name for group in calibrate.COMPANIONS for name in group),
-    ]
-    shown = {
-        "left_arm.on_hip": 0.62,
-        "right_arm.on_hip": 0.22,
-        "left_arm.behind_back": 1.0,
-        "torso.sway": 0.44,
-        "head.nodding": 0.3,
-    }
+    names = [f"{side}_{name}" for name in PAIRS for side in ("left", "right")]
+    names += ["torso.sway", "legs.long", "head.nodding", "head.up_far"]
+    names += [name for group in calibrate.COMPANIONS for name in group]
+    shown = {"left_arm.on_hip": 0.62, "right_arm.on_hip": 0.22, "left_arm.behind_back": 1.0}
+    shown |= {"torso.sway": 0.44, "head.nodding": 0.3}
     beside = {"legs.long": 0.7, "torso.sway": 0.4, "torso.slump": 0.1}
     asked: list[tuple[str, float, bool]] = []
 
@@ -108,9 +98,8 @@ def test_a_model_is_measured_as_it_is_without_calibration(
 ) -> None:
     seen = []
     (tmp_path / "metadata.json").write_text("{}", "utf-8")
-    monkeypatch.setattr(
-        calibrate, "read_metadata", lambda _folder: {"name": "m", "calibration": {"phase": [1] * C}}
-    )
+    metadata = {"name": "m", "calibration": {"phase": [1] * C}}
+    monkeypatch.setattr(calibrate, "read_metadata", lambda _folder: metadata)
     monkeypatch.setattr(calibrate, "Prompter", lambda *_args, **_options: None)
 
     def load(folder: Path) -> SimpleNamespace:

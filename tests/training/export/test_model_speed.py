@@ -34,11 +34,9 @@ def folder(exported_tiny):
 def frames(folder):
     random = np.random.default_rng(1)
     model = load_model(folder)
-    return CalibrationFrames(
-        random.standard_normal((40, 472), np.float32),
-        random.standard_normal((40, *model.noise_shape), np.float32),
-        [model.fold_style(random.standard_normal((6, 64), np.float32)) for _ in range(40)],
-    )
+    x, noise = (random.standard_normal((40, *shape), np.float32) for shape in ((472,), model.noise_shape))
+    codes = random.standard_normal((40, 6, 64), np.float32)
+    return CalibrationFrames(x, noise, [model.fold_style(code) for code in codes])
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +49,8 @@ def quantised(folder, frames, tmp_path_factory):
 
 
 def single_steps(model, frames, count):
-    return np.concatenate(
-        [model.step(frames.x[i : i + 1], frames.noise[i : i + 1], frames.styles[i])[0] for i in range(count)]
-    )
+    rows = [(frames.x[i : i + 1], frames.noise[i : i + 1], frames.styles[i]) for i in range(count)]
+    return np.concatenate([model.step(*row)[0] for row in rows])
 
 
 def test_a_style_for_each_character_is_as_if_each_were_alone(folder, frames):
@@ -184,18 +181,12 @@ def product_graph(path: Path, weights: np.ndarray, raw: bool) -> bytes:
     """a `(m, 64)` times int8 weights with a zero point for each column, which is 0 as in the 8-bit graph."""
     a = helper.make_tensor_value_info("a", TensorProto.UINT8, ["m", 64])
     y = helper.make_tensor_value_info("y", TensorProto.INT32, ["m", 16])
-    stored = (
-        numpy_helper.from_array(weights, "b")
-        if raw
-        else helper.make_tensor("b", TensorProto.INT8, weights.shape, weights.ravel())
-    )
-    zeros = (
-        helper.make_tensor("z", TensorProto.INT8, [16], [0] * 16),
-        helper.make_tensor("u", TensorProto.UINT8, [], [0]),
-    )
-    graph = helper.make_graph(
-        [helper.make_node("MatMulInteger", ["a", "b", "u", "z"], ["y"])], "g", [a], [y], [stored, *zeros]
-    )
+    bare = helper.make_tensor("b", TensorProto.INT8, weights.shape, weights.ravel())
+    stored = numpy_helper.from_array(weights, "b") if raw else bare
+    zeros = [helper.make_tensor("z", TensorProto.INT8, [16], [0] * 16)]
+    zeros += [helper.make_tensor("u", TensorProto.UINT8, [], [0])]
+    node = helper.make_node("MatMulInteger", ["a", "b", "u", "z"], ["y"])
+    graph = helper.make_graph([node], "g", [a], [y], [stored, *zeros])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
     return model.SerializeToString()
 
@@ -241,8 +232,7 @@ def test_products_added_in_16_bits_are_found_out(monkeypatch):
     assert not answer(saturated)
 
 
-# --- weights in half precision ---
-
+# --- weights in half precision
 SIZE = 96
 
 

@@ -87,9 +87,8 @@ def test_equation_5_lambda_of_neighbouring_steps_is_that_of_section_3g():
 def test_monte_carlo_variance_of_section_3e():
     schedule, norms = Schedule.linear(), torch.tensor([0.5, 0.7])  # ||epsilon||^2 / d
     alpha_bar = schedule.alpha_bar[400]
-    assert analytic_variance(schedule, 400, norms) == pytest.approx(
-        (1 - alpha_bar) / alpha_bar * 0.4, rel=1e-6
-    )
+    wanted = (1 - alpha_bar) / alpha_bar * 0.4
+    assert analytic_variance(schedule, 400, norms) == pytest.approx(wanted, rel=1e-6)
 
 
 def test_output_is_the_blend_of_its_codes():
@@ -160,9 +159,8 @@ def test_every_equation_is_named_where_it_is_computed_and_listed():
         except ModuleNotFoundError:  # a method
             module, _, cls = module.rpartition(".")
             found = getattr(getattr(importlib.import_module(module), cls), attribute)
-        named = {
-            int(n) for n in re.findall(r"\d+", " ".join(re.findall(r"Eq\. ([\d, and]+)", found.__doc__)))
-        }
+        told = " ".join(re.findall(r"Eq\. ([\d, and]+)", found.__doc__))
+        named = {int(n) for n in re.findall(r"\d+", told)}
         assert int(number) in named, f"{name}: its docstring does not name Eq. {number}"
 
 

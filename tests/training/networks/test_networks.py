@@ -67,10 +67,8 @@ def test_modulator_is_the_recursive_mixture_of_adain_written_out():
     fused = modulator.features(w, z)
     expected = torch.zeros_like(w)
     for k in range(8):
-        s = sum(
-            beta[:, j, None] * (fused[:, k] @ modulator.content_weight[k, j] + modulator.content_bias[k, j])
-            for j in range(8)
-        )
+        weight, bias = modulator.content_weight[k], modulator.content_bias[k]
+        s = sum(beta[:, j, None] * (fused[:, k] @ weight[j] + bias[j]) for j in range(8))
         deviation, mean = s.chunk(2, -1)
         expected += alpha[:, k, None] * ((1 + deviation) * instance_norm(w) + mean)
     assert torch.allclose(modulator(w, z, alpha), expected, atol=1e-5)
@@ -82,9 +80,8 @@ def test_two_hop_neighbourhoods_stay_in_the_part_or_on_the_spine():
     left, right = (SPORT_SKELETON.index(n) for n in ("LeftUpLeg", "RightUpLeg"))
     up = {j: SPORT_SKELETON.parents[j] for j in (left, right)}
     assert up[left] != up[right]
-    assert (
-        SPORT_SKELETON.parents[up[left]] == SPORT_SKELETON.parents[up[right]] == SPORT_SKELETON.index("Hips")
-    )
+    parents = SPORT_SKELETON.parents
+    assert parents[up[left]] == parents[up[right]] == SPORT_SKELETON.index("Hips")
     assert not mask[left, right]
     knee, other_knee = SPORT_SKELETON.index("LeftLeg"), SPORT_SKELETON.index("RightLeg")
     assert mask[knee, SPORT_SKELETON.index("LeftFoot")]
@@ -158,9 +155,8 @@ def test_exported_graphs_agree_with_torch(exported_tiny):
     z, x = torch.randn(1, 384), torch.randn(2, 472)
     noise = torch.randn(2, 5, 8, 473)
     with torch.no_grad():
-        expected = trained.generator.sample(
-            (x - normal.x_mean) / normal.x_deviation, z.expand(2, -1), noise, steps
-        )
+        scaled = (x - normal.x_mean) / normal.x_deviation
+        expected = trained.generator.sample(scaled, z.expand(2, -1), noise, steps)
         expected = expected * normal.y_deviation + normal.y_mean
     style = model.fold_style(z.view(6, 64).numpy())
     y, _ = model.step(x.numpy(), noise.numpy(), style)
@@ -197,9 +193,8 @@ def test_a_model_without_diffusion_gives_the_output_of_stage_2_and_keeps_the_noi
     folded = StyleGraph(generator, torch.zeros(385, 2))(z)[:3]
     graph = MixtureStepGraph(generator, normal)
     y, alpha = graph(x, noise, *folded)
-    expected, _, expected_alpha = generator.decode_mixture(
-        (x - normal.x_mean) / normal.x_deviation, z.expand(3, -1)
-    )
+    scaled = (x - normal.x_mean) / normal.x_deviation
+    expected, _, expected_alpha = generator.decode_mixture(scaled, z.expand(3, -1))
     assert torch.allclose(y, expected * normal.y_deviation + normal.y_mean, atol=1e-4)
     assert torch.allclose(alpha, expected_alpha, atol=1e-6)
 

@@ -35,27 +35,20 @@ class BagOfWords:
 
 
 def test_longer_sentences_are_made_of_trained_phrases_alone():
-    trained = {
-        p
-        for name, e in part_edits().items()
-        if name not in catalogue().held_out
-        for ps in e.phrases.values()
-        for p in ps
-    }
+    known = [edit for name, edit in part_edits().items() if name not in catalogue().held_out]
+    trained = {p for edit in known for phrases in edit.phrases.values() for p in phrases}
     sentences = longer_sentences()
     assert {s.part for s in sentences} == set(PART_NAMES)
     assert all(set(s.of) <= trained for s in sentences)
-    only_held_out = {
-        p for n in catalogue().held_out for ps in part_edits()[n].phrases.values() for p in ps
-    } - trained
+    held = [part_edits()[name] for name in catalogue().held_out]
+    only_held_out = {p for edit in held for phrases in edit.phrases.values() for p in phrases} - trained
     assert not any(s.text.startswith(p) for s in sentences for p in only_held_out)
 
 
 def test_a_clause_that_adds_nothing_leaves_one_phrase_and_two_postures_leave_two():
     sentences = longer_sentences()
-    still = LongerSentence(
-        "left_arm", "left hand resting on the hip, held still", ("left hand resting on the hip",)
-    )
+    words = "left hand resting on the hip, held still"
+    still = LongerSentence("left_arm", words, ("left hand resting on the hip",))
     assert still in sentences
     both = {s.text: set(s.of) for s in sentences if len(s.of) == 2}
     assert both["head lowered, turned to the left"] == {"head lowered", "head turned to the left"}
@@ -70,9 +63,8 @@ def test_longer_sentences_are_learnt_and_the_others_kept(monkeypatch):
     config, encoder = preset("tiny"), BagOfWords()
     content = ContentEncoder(config)
     known = [sorted({s.of[0] for s in few if s.part == part})[:20] for part in PART_NAMES]
-    inputs = [
-        part_inputs(encoder, [p] * len(s), s, True, True) for p, s in zip(PART_NAMES, known, strict=True)
-    ]
+    pairs = zip(PART_NAMES, known, strict=True)
+    inputs = [part_inputs(encoder, [part] * len(s), s, True, True) for part, s in pairs]
     texts = StyleTexts(known, inputs, np.zeros((1, 1, 6), int), np.zeros((1, 6), int), ["a"])
     result = learn_longer_sentences(content, config, texts, encoder, StageLength(40, 1))
     assert result["known_before"] == 0.0

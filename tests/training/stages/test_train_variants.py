@@ -151,9 +151,8 @@ def walks(folder: Path) -> None:
 
 
 def test_the_whole_pipeline_ends_in_a_model_that_is_walked(full: Path) -> None:
-    before, after = (
-        torch.load(full / f"{stage}_final.pt", weights_only=True)["module"] for stage in ("stage3", "ground")
-    )
+    files = (full / f"{stage}_final.pt" for stage in ("stage3", "ground"))
+    before, after = (torch.load(file, weights_only=True)["module"] for file in files)
     changed = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
     assert changed == {"encoder", "modulator", "mixture_decoder"}
     walks(full / "model")
@@ -254,9 +253,7 @@ def test_the_open_model_refuses_clips_that_bind_it(tmp_path: Path) -> None:
         pipeline.main(["phase", "--preset", "open", "--clips", str(clips), "--out", str(tmp_path / "out")])
 
 
-# --- ablations ---
-
-
+# --- ablations
 @pytest.mark.parametrize("name", ABLATIONS)
 def test_every_variant_makes_a_frame(name: str) -> None:
     config = ablation(preset("tiny"), name)
@@ -271,10 +268,8 @@ def test_the_variants_change_what_they_are_named_for() -> None:
     count = {n: sum(p.numel() for p in Generator(ablation(full, n)).parameters()) for n in ABLATIONS}
     assert count["4-experts"] < count["4-content-experts"] < count["full"] < count["no-content-encoder"]
     assert ablation(full, "no-content-encoder").style_size == 6 * full.text_size
-    has_graph = [
-        any("graph" in n for n, _ in PeriodicAutoencoder(ablation(full, name)).named_parameters())
-        for name in ("full", "pae")
-    ]
+    phases = [PeriodicAutoencoder(ablation(full, name)) for name in ("full", "pae")]
+    has_graph = [any("graph" in n for n, _ in phase.named_parameters()) for phase in phases]
     assert has_graph == [True, False]
     joined = two_hop_neighbours(True) - two_hop_neighbours()
     hips = sorted(SPORT_SKELETON.index(f"{side}UpLeg") for side in ("Left", "Right"))

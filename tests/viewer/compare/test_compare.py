@@ -10,6 +10,7 @@ from tests.helpers.app_driver import (
     click,
     click_on,
     controller,
+    hold,
     message,
     place,
     press,
@@ -47,9 +48,7 @@ def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(app: App) -> None:
     assert app.compare.titles == [f"a proud king, seed {k}" for k in range(3)]
     begun = [pose.root_position.copy() for pose in app.compare.poses]
     steps = walker.steps
-    app.window.inject_key("w", True)
-    run(app, 45)
-    app.window.inject_key("w", False)
+    hold(app, "w", 45)
     moved = [pose.root_position - old for pose, old in zip(app.compare.poses, begun, strict=True)]
     assert all(np.linalg.norm(way) > 0.8 for way in moved)
     assert walker.steps == steps  # who waits
@@ -121,9 +120,8 @@ def test_the_variants_stand_on_the_ground_that_is_chosen(app: App) -> None:
     press(app, "v")
     app.scene.load_terrain("hills")
     run(app, 3)
-    heights = [
-        float(app.scene.terrain.height(p.root_position[0], p.root_position[2])) for p in app.compare.poses
-    ]
+    places = [p.root_position for p in app.compare.poses]
+    heights = [float(app.scene.terrain.height(at[0], at[2])) for at in places]
     assert app.scene.terrain.name == "hills"
     assert all(member.terrain is app.scene.terrain for member in app.compare.members)
     assert [float(p.root_position[1]) for p in app.compare.poses] == pytest.approx(heights, abs=1e-3)
@@ -145,9 +143,7 @@ def test_closing_brings_the_view_of_the_live_character_back(app: App, mode: str)
     camera = app.scene.camera
     before = camera.current.distance, camera.current.pitch
     press(app, "v")
-    app.window.inject_key("w", True)
-    run(app, 120)  # away from the walker
-    app.window.inject_key("w", False)
+    hold(app, "w", 120)  # away from the walker
     assert camera.current.distance != pytest.approx(before[0])
     press(app, "escape")
     assert (camera.current.distance, camera.current.pitch) == pytest.approx(before, abs=0.02)
@@ -156,9 +152,7 @@ def test_closing_brings_the_view_of_the_live_character_back(app: App, mode: str)
     assert np.linalg.norm(camera.current.target - walker) < 1.0
 
 
-# as edits of the session
-
-
+# --- as edits of the session
 def test_variants_come_change_and_go_as_steps(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")

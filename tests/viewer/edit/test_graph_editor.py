@@ -17,11 +17,8 @@ from viewer.edit.graph_editor import GraphEditor
 from viewer.gl_bindings import implot
 
 HEAD, HIPS = 16, 0
-HEAD_YAW, HIPS_UP, YAW = (
-    Channel(Curve.TURN, HEAD, 1),
-    Channel(Curve.MOVE, HIPS, 1),
-    Channel(Curve.CAMERA, -1, 0),
-)
+HEAD_YAW, HIPS_UP = Channel(Curve.TURN, HEAD, 1), Channel(Curve.MOVE, HIPS, 1)
+YAW = Channel(Curve.CAMERA, -1, 0)
 
 
 @pytest.fixture

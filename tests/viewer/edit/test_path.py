@@ -44,10 +44,9 @@ def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
     for place in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5)):
         click(app, *screen(app, *place))
     tool = app.path
-    assert [(p.x, p.z) for p in tool.points] == [
-        (pytest.approx(x, abs=0.02), pytest.approx(z, abs=0.1))
-        for x, z in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5))
-    ]
+    drawn = ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5))
+    near = [(pytest.approx(x, abs=0.02), pytest.approx(z, abs=0.1)) for x, z in drawn]
+    assert [(p.x, p.z) for p in tool.points] == near
     assert app.scene.camera.current.yaw == yaw  # the camera stays
     click(app, *screen(app, 0.6, 3.0))  # takes the point that is there
     assert (len(tool.points), tool.selected) == (3, 1)

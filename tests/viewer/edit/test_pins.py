@@ -15,7 +15,18 @@ from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
-from tests.helpers.app_driver import click, click_on, drag, message, place, point, press, run, texts
+from tests.helpers.app_driver import (
+    click,
+    click_on,
+    drag,
+    export_bvh,
+    message,
+    place,
+    press,
+    right_click,
+    run,
+    texts,
+)
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -88,9 +99,7 @@ def test_a_pin_of_a_take_is_dragged_undone_and_exported(app: App, tmp_path: Path
     assert farthest(item(app).clip, moved) < 0.01
     assert app.editor.undo_label == "pin of the left hand"
     assert item(app).motion == before.motion
-    app.bvh_export.path = str(tmp_path / "pinned.bvh")
-    app.bvh_export.export()
-    run(app, 2)
+    export_bvh(app, tmp_path / "pinned.bvh")
     exported = load_clip_bvh(tmp_path / "pinned.bvh")
     assert np.linalg.norm(exported.world()[0][40, HAND] - moved.point) < 0.01
     run(app, 2)
@@ -196,8 +205,7 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     assert app.pins.footplants(0) == [item(app).poses.footplants[0].new]
     assert item(app).poses.footplants[0].new == (0, pytest.approx(40, abs=1))
     x, y = place(app, "##foot 0", share=50 / 59)
-    for down in (None, True, False):
-        point(app, x, y, None if down is None else 1, bool(down))
+    right_click(app, x, y)
     click_on(app, "Plant the foot here")
     added = app.pins.footplants(0)[1]
     assert sum(added) / 2 == pytest.approx(50, abs=2)

@@ -6,7 +6,7 @@ import pytest
 from runtime.feet.ik import LEG_FEET
 from runtime.takes.pose_layer import Curve, PoseLayer, Tangent
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, place, point, press, run
+from tests.helpers.app_driver import Start, click, click_on, place, point, press, right_click, run
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
 from viewer.edit.handles import on_screen
@@ -122,8 +122,7 @@ def test_keys_are_dragged_and_removed_on_their_track(app: App) -> None:
     (key,) = layer(app).keys
     assert 47 <= key.seconds * 60 <= 53
     x = left + 4 + key.seconds * 60 * per_frame
-    for button, down in ((None, False), (1, True), (1, False)):
-        point(app, x, y, button, down)
+    right_click(app, x, y)
     click_on(app, "Delete")
     assert not layer(app)
 

@@ -15,7 +15,18 @@ from runtime.session.session import Reference
 from runtime.takes.clip import Clip
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
 from runtime.takes.pins import Pinned
-from tests.helpers.app_driver import Start, click_on, drawn, message, place, press, run, type_in
+from tests.helpers.app_driver import (
+    Start,
+    click_on,
+    drawn,
+    hold,
+    message,
+    place,
+    press,
+    run,
+    save_and_leave,
+    type_in,
+)
 from tests.helpers.walker import walk
 from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
@@ -30,9 +41,7 @@ from viewer.services import Services
 def with_take(app: App) -> App:
     """A take of about a second that plays, paused at its first frame."""
     app.takes.toggle_recording()
-    app.window.inject_key("w", True)
-    run(app, 70)
-    app.window.inject_key("w", False)
+    hold(app, "w", 70)
     app.takes.toggle_recording()
     app.takes.play(1)
     run(app, 3)
@@ -148,10 +157,7 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     choose_file(app, "Another character…", path)
     figure = app.overlays(None, []).figure
     assert figure.mesh is app.references.character
-    app.sessions.save_as(tmp_path / "a.sport")
-    run(app, 2)
-    app.sessions.new()
-    run(app, 2)
+    save_and_leave(app, tmp_path / "a.sport")
     assert app.references.character is None
     path.unlink()
     app.sessions.open(tmp_path / "a.sport")
@@ -224,10 +230,7 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
     low, high = (place(app, "##reference opacity", share=share) for share in (0.0, 0.9))
     assert low[0] < high[0]
     assert app.window.read_pixels()[300, 640].astype(int).sum() != 0
-    app.sessions.save_as(tmp_path / "a.sport")
-    run(app, 2)
-    app.sessions.new()
-    run(app, 2)
+    save_and_leave(app, tmp_path / "a.sport")
     assert reference.video is None
     app.sessions.open(tmp_path / "a.sport")
     run(app, 3)
@@ -279,9 +282,8 @@ def test_another_animation_of_a_file_is_chosen_in_the_menu_of_its_take(start: St
         click_on(app, f"##animation {number}")
         run(app, 4)
 
-    for number, (shown, frames) in enumerate(
-        (("مشي سريع 🏃", 50), ("walk (3)", 60), ("animation 4", 70), ("x" * 60, 80)), 1
-    ):
+    names = {"مشي سريع 🏃": 50, "walk (3)": 60, "animation 4": 70, "x" * 60: 80}
+    for number, (shown, frames) in enumerate(names.items(), 1):
         choose(0, number)
         assert (app.takes.played.title, app.takes.played.made.header.frames) == (shown, frames)
     app.references.show(1)

@@ -13,7 +13,7 @@ from runtime.session.session_file import SessionFile
 from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-from tests.helpers.app_driver import click_on, place, point, press, run
+from tests.helpers.app_driver import click_on, hold, place, point, press, run
 from viewer.app import App
 from viewer.exports.exporting import ExportForm
 from viewer.filming.shots import FilmOptions, camera_path
@@ -26,9 +26,7 @@ def app(desk: App) -> App:
     desk.scene.reset_character()
     run(desk, 2)
     desk.takes.toggle_recording()
-    desk.window.inject_key("w", True)
-    run(desk, 70)
-    desk.window.inject_key("w", False)
+    hold(desk, "w", 70)
     desk.takes.toggle_recording()
     desk.takes.play(1)
     run(desk, 3)
@@ -48,9 +46,8 @@ def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
     drawn = (Waypoint(9.0, 9.0),)
     app.editor.do("path", lambda session: session.with_take(LIVE, path=drawn))
     click_on(app, "Edit its path")
-    assert [(p.x, p.z, p.gait) for p in tool.points] == [
-        pytest.approx((*shown(app).hips_positions[-1][[0, 2]], Gait.WALK), abs=0.01)
-    ]
+    end = (*shown(app).hips_positions[-1][[0, 2]], Gait.WALK)
+    assert [(p.x, p.z, p.gait) for p in tool.points] == [pytest.approx(end, abs=0.01)]
     tool.change(x=1.0, z=1.0, speed=0.5)
     click_on(app, "##drive path")
     made = shown(app)

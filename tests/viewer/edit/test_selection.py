@@ -7,7 +7,19 @@ import pytest
 from runtime.controls import Gait
 from runtime.session.session import Session
 from runtime.takes.pins import Pin, Pinned
-from tests.helpers.app_driver import click, click_on, drag, place, point, press, record, run, seek, titles
+from tests.helpers.app_driver import (
+    click,
+    click_on,
+    drag,
+    place,
+    point,
+    press,
+    record,
+    right_click,
+    run,
+    seek,
+    titles,
+)
 from tests.helpers.full_session import text_of
 from viewer.app import App
 from viewer.edit.selection import Selection
@@ -44,10 +56,8 @@ def made(desk: App) -> Session:
         app.posing.set_key()
         run(app, 2)
     app.posing.close()
-    pins = tuple(
-        Pin(Pinned.LEFT_HAND, (0.3, 1.2, 0.3), start / 60.0, end / 60.0)
-        for start, end in ((10, 30), (60, 80))
-    )
+    at = (0.3, 1.2, 0.3)
+    pins = tuple(Pin(Pinned.LEFT_HAND, at, start / 60.0, end / 60.0) for start, end in ((10, 30), (60, 80)))
     poses = replace(app.editor.session.takes[0].poses, pins=pins)
     app.editor.do("pins", lambda session: session.with_take(1, poses=poses))
     run(app, 3)
@@ -124,8 +134,7 @@ def do(app: App, by: str, act: str) -> None:
     else:
         item = chosen(app).items[0]
         x, y = at(app, item.kind, middle(item))
-        for down in (None, True, False):
-            point(app, x, y, None if down is None else 1, bool(down))
+        right_click(app, x, y)
         click_on(app, act.capitalize(), index=-1)
     run(app, 3)
 

@@ -16,6 +16,7 @@ from tests.helpers.app_driver import (
     click_on,
     controller,
     drawn,
+    export_bvh,
     frame,
     message,
     place,
@@ -165,10 +166,8 @@ def test_a_gait_is_inserted_and_the_stick_goes_on(app: App) -> None:
     assert same(take(app).clip, before.clip, 0, 30)
     assert take(app).clip.gaits is not None
     assert set(take(app).clip.gaits[30:]) == {Gait.JOG}
-    ends = [
-        float(np.linalg.norm(c.hips_positions[-1] - c.hips_positions[30]))
-        for c in (before.clip, take(app).clip)
-    ]
+    ways = [c.hips_positions[-1] - c.hips_positions[30] for c in (before.clip, take(app).clip)]
+    ends = [float(np.linalg.norm(way)) for way in ways]
     assert ends[1] > 1.8 * ends[0]  # it jogs as far as the stick says
     assert take(app).frames == before.frames
 
@@ -196,9 +195,7 @@ def test_driving_goes_on_from_a_frame_of_a_take(app: App) -> None:
 
 def test_a_take_from_a_file_says_why_it_cannot_be_edited(app: App, tmp_path: Path) -> None:
     record(app)
-    app.bvh_export.path = f"{tmp_path}/walk.bvh"
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app, f"{tmp_path}/walk.bvh")
     open_file(app.takes, tmp_path / "walk.bvh")
     seek(app, 10)
     assert [bar.text for bar in app.editing.tracks.prompts] == ["a proud king", "an old king"]  # type: ignore[union-attr]

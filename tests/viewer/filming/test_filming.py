@@ -122,16 +122,13 @@ def test_a_cancelled_film_leaves_nothing(tmp_path: Path, suffix: str) -> None:
 def test_a_film_is_made_in_a_process_of_its_own(tmp_path: Path) -> None:
     path, seen = tmp_path / "walk.mp4", []
     take, film = prepare(CLIP, ExportOptions(), FLAT), FilmOptions(48, 32, 4.0, quality="software")
-    text = film_in_process(
-        take, FLAT, path, ExportOptions(), film, lambda *at: seen.append(at), threading.Event()
-    )
+    options, event = ExportOptions(), threading.Event()
+    text = film_in_process(take, FLAT, path, options, film, lambda *at: seen.append(at), event)
     assert seen[-1] == (6, 6)
     assert "6 frames" in text
     assert len(decoded(path)[0]) == 6
     with pytest.raises(UsageError, match="no film is written with this ending"):
-        film_in_process(
-            take, FLAT, tmp_path / "nowhere" / "a.xyz", ExportOptions(), film, print, threading.Event()
-        )
+        film_in_process(take, FLAT, tmp_path / "nowhere" / "a.xyz", options, film, print, event)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be stopped here")
@@ -239,9 +236,8 @@ def test_a_long_animation_is_sent_to_mp4(tmp_path: Path) -> None:
 
 
 def test_a_film_as_the_window_shows_it_keeps_its_direction_and_lens() -> None:
-    path = camera_path(
-        FilmOptions(camera=VIEW, view=Shot(0.7, 0.2, 5.0, fixed=True), fov_degrees=60.0), CLIP, FLAT
-    )
+    view = Shot(0.7, 0.2, 5.0, fixed=True)
+    path = camera_path(FilmOptions(camera=VIEW, view=view, fov_degrees=60.0), CLIP, FLAT)
     for seconds in (0.0, 0.5, 1.0):
         pose = CLIP.sample(seconds)
         camera = path(pose)

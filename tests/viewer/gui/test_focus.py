@@ -94,11 +94,8 @@ def test_a_field_that_was_clicked_has_the_keys_within_the_frame(app: App, label:
     type_everything(app)
     run(app, 3)
     assert typing(app)
-    typed = {
-        "##path": app.scene.file_path,
-        "##prompt A": app.prompting.boxes[0].text,
-        "##search": app.prompt.search,
-    }[label]
+    texts = {"##path": app.scene.file_path, "##prompt A": app.prompting.boxes[0].text}
+    typed = (texts | {"##search": app.prompt.search})[label]
     assert LETTERS in typed
     assert not app.takes.recording
     assert not app.editor.session.takes
@@ -198,17 +195,8 @@ def test_no_key_reaches_what_lies_behind_a_modal_window(app: App, what: str) -> 
     show()
     assert app.shell.modal
     before = app.editor.session, app.settings.show_trajectory, app.scene.camera.mode
-    for keys in (
-        ("f6",),
-        ("space",),
-        ("ctrl", "tab"),
-        ("space",),
-        ("f6",),
-        ("f6",),
-        ("ctrl", "z"),
-        ("f2",),
-        ("v",),
-    ):
+    for keys in ("f6", "space", "ctrl tab", "space", "f6", "f6", "ctrl z", "f2", "v"):
+        keys = keys.split(" ")
         press(app, *keys)
         if keys == ("space",):  # presses a button of the window itself
             show()

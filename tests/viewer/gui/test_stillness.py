@@ -26,11 +26,9 @@ def places(app: App) -> Places:
 
 def moved(before: Places, after: Places) -> dict[str, tuple[object, object]]:
     """Widgets that are in both, and lie elsewhere."""
-    return {
-        name: (before[name], after[name])
-        for name in before.keys() & after.keys()
-        if not {*before[name]} <= {*after[name]} and not {*after[name]} <= {*before[name]}
-    }
+    both = {name: ({*before[name]}, {*after[name]}) for name in before.keys() & after.keys()}
+    moved = [name for name, (old, new) in both.items() if not old <= new and not new <= old]
+    return {name: (before[name], after[name]) for name in moved}
 
 
 def camera_keys(app: App) -> None:
@@ -72,9 +70,8 @@ def test_no_control_moves_when_another_format_is_chosen(start: Start, size: tupl
 
     def fixed() -> dict[str, list[tuple[float, float]]]:
         shown = places(app)
-        return {
-            name: shown[name] for name in ("export format", "export now", "close Export") if name in shown
-        }
+        names = ("export format", "export now", "close Export")
+        return {name: shown[name] for name in names if name in shown}
 
     app.exporting.choose_format(".bvh")
     before = fixed()

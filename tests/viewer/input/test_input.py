@@ -120,9 +120,8 @@ def test_crouch_is_a_toggle_and_jump_lasts() -> None:
 
 def test_pad_drives_everything() -> None:
     mapper, keyboard = InputMapper(), Keyboard()
-    pad = GamepadState(
-        "pad", left=(0.0, 1.0), right=(0.6, 0.0), right_trigger=1.0, buttons=frozenset({"left_bumper"})
-    )
+    held = {"right_trigger": 1.0, "buttons": frozenset({"left_bumper"})}
+    pad = GamepadState("pad", left=(0.0, 1.0), right=(0.6, 0.0), **held)
     intent = mapper.read(keyboard, pad, DT)
     assert intent.move == pytest.approx((0.0, 1.0))
     assert intent.gait is Gait.JOG

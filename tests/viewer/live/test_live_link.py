@@ -35,9 +35,8 @@ NUMBER = skeleton_number(JOINTS)
 def some_pose(seed: int = 0) -> Pose:
     random = np.random.default_rng(seed)
     local = random.normal(size=(J, 4))
-    return make_pose(
-        random.normal(size=3), local / np.linalg.norm(local, axis=-1, keepdims=True), np.ones(4), 0.0, 0.0
-    )
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    return make_pose(random.normal(size=3), local, np.ones(4), 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")

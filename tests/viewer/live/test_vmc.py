@@ -30,9 +30,8 @@ def test_a_receiver_in_unitys_axes_sees_every_bone_where_it_is(yaw: float | None
     messages = decoded(osc_bundles(vmc_messages(pose, 1.5, root)))
     assert ("/VMC/Ext/OK", [1]) in messages
     assert ("/VMC/Ext/T", [1.5]) in messages
-    bones = {
-        params[0]: np.array(params[1:]) for address, params in messages if address == "/VMC/Ext/Bone/Pos"
-    }
+    placed = [params for address, params in messages if address == "/VMC/Ext/Bone/Pos"]
+    bones = {params[0]: np.array(params[1:]) for params in placed}
     assert set(bones) == set(BONES)
     assert {"Hips", "LeftUpperLeg", "RightHand", "UpperChest", "LeftToes"} <= set(bones)
     (ground,) = (np.array(params[1:]) for address, params in messages if address == "/VMC/Ext/Root/Pos")

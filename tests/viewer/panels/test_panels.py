@@ -12,6 +12,8 @@ from tests.helpers.app_driver import (
     click,
     click_on,
     drawn,
+    export_bvh,
+    hold,
     place,
     press,
     record,
@@ -48,8 +50,7 @@ def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(app: App, tmp_
     type_in(app, "A proud walk")
     press(app, "enter")
     assert titles(app) == ["A proud walk"]
-    app.bvh_export.export()
-    run(app, 2)
+    export_bvh(app)
     assert (tmp_path / "a-proud-walk.bvh").is_file()
 
 
@@ -93,11 +94,8 @@ def test_every_take_is_exported_at_once_and_no_file_is_replaced(app: App, tmp_pa
     record(app)
     run(app, 2)
     click_on(app, "##export all")
-    assert sorted(path.name for path in tmp_path.glob("*.bvh")) == [
-        "take-1-2.bvh",
-        "take-1.bvh",
-        "take-2.bvh",
-    ]
+    names = ["take-1-2.bvh", "take-1.bvh", "take-2.bvh"]
+    assert sorted(path.name for path in tmp_path.glob("*.bvh")) == names
     assert "Saved 2 takes" in said(app)
     assert all(app.bvh_export.saved(take) for take in app.editor.session.takes)
 
@@ -172,9 +170,7 @@ def test_the_first_minute_ticks_itself_off_and_does_not_come_back(app: App, tmp_
     run(app, 3)
     guide = app.guide
     guide.begin()
-    app.window.inject_key("w", True)
-    run(app, 70)
-    app.window.inject_key("w", False)
+    hold(app, "w", 70)
     assert guide.is_done(0)
     app.prompting.submit_prompt("a proud king")
     run(app, 2)
@@ -183,8 +179,7 @@ def test_the_first_minute_ticks_itself_off_and_does_not_come_back(app: App, tmp_
     run(app, 2)
     record(app)
     assert [guide.is_done(step) for step in range(len(STEPS))] == [True, True, True, True, False]
-    app.bvh_export.export()
-    run(app, 2)
+    export_bvh(app)
     assert guide.is_done(4)
     guide._left_s = 0.05
     run(app, 5)
@@ -311,8 +306,7 @@ def test_recordings_are_numbered_by_themselves_and_the_folder_stays_under_home(
     app = start()
     record(app)
     app.takes.mirror(1)
-    app.bvh_export.export()
-    run(app, 2)
+    export_bvh(app)
     record(app)
     assert titles(app)[-1] == "Take 2"
     app.editor.undo()

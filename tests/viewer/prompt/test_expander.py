@@ -23,9 +23,7 @@ def styles(app: App) -> int:
     return len(app.scene.simulation.controller.styles)  # type: ignore[union-attr]
 
 
-# a slow endpoint
-
-
+# --- a slow endpoint
 def test_the_library_answers_at_once_and_the_language_model_when_it_can(
     asking: Callable[[], App], language_model: Model
 ) -> None:
@@ -77,9 +75,7 @@ def test_a_failing_language_model_leaves_the_librarys_words(
     assert styles(app) == count  # the same words are no new style
 
 
-# the panel
-
-
+# --- the panel
 def open_panel(app: App) -> None:
     click_on(app, "##who")
 
@@ -202,9 +198,7 @@ def test_the_environment_chooses_the_language_model_at_the_start(
     assert app.language_model.name.startswith("m at 127.0.0.1")
 
 
-# a choice made while the model is being loaded
-
-
+# --- a choice made while the model is being loaded
 @pytest.fixture
 def loading(
     start: Start, language_model: Model, monkeypatch: pytest.MonkeyPatch
@@ -250,10 +244,8 @@ def test_a_language_model_chosen_while_the_model_loads_is_asked(
     app.settings.gpt_base_url, app.settings.gpt_model = language_model.url, "m"
     app.language_model.choose("gpt")
     loaded.set()
-    run_until(
-        app,
-        lambda: app.editor.session.live.prompt.a is not None and not app.jobs.busy(Slot("language model")),
-    )
+    live, busy = lambda: app.editor.session.live.prompt.a, lambda: app.jobs.busy(Slot("language model"))
+    run_until(app, lambda: live() is not None and not busy())
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: not app.prompting.pending)
     assert source(app) == ("a duck", "gpt")

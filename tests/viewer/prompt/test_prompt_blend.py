@@ -22,9 +22,7 @@ def answer(prompt: str = "a proud king", value: float = 1.0, **changes: object) 
     return dataclasses.replace(Answer(prompt, SAID, SAID, z, "library"), **changes)  # type: ignore[arg-type]
 
 
-# suggestions
-
-
+# --- suggestions
 def test_prompts_that_begin_so_come_before_those_with_the_words() -> None:
     assert matching("pro", PROMPTS) == ["proud peacock", "a proud king"]
     assert matching("Right  LEG", PROMPTS) == ["someone limping on the right leg"]
@@ -68,9 +66,7 @@ def test_the_history_has_no_doubles_and_an_end(prompts: list[str]) -> None:
             assert history[0] == " ".join(text.split())
 
 
-# edits
-
-
+# --- edits
 def test_the_master_weight_moves_what_is_not_locked() -> None:
     edit = PromptBlend((answer(), answer("b", 3.0)), ALL_A, frozenset({"head"}))
     moved = edit.with_all_weights(0.5).with_weight("torso", 1.0)

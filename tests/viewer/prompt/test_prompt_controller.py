@@ -136,9 +136,7 @@ def room() -> Room:
     return made
 
 
-# steps
-
-
+# --- steps
 def test_every_edit_is_a_step_in_words_of_the_user(room: Room) -> None:
     controller = room.controller
     room.submit("an old\nking")
@@ -235,9 +233,7 @@ def test_the_end_of_a_blend_keeps_locked_parts(room: Room) -> None:
     assert (room.prompt.b, room.controller.boxes[Side.B].text) == (None, "")
 
 
-# the session as a whole
-
-
+# --- the session as a whole
 def test_another_session_brings_its_prompt_and_drops_questions(room: Room) -> None:
     other = room.prompt
     room.submit("a duck")
@@ -294,9 +290,7 @@ def test_what_the_character_does_already_is_not_handed_over(room: Room) -> None:
     assert np.array_equal(room.styles[-1][0].codes, [room.workers[0].code(words("a duck"))])
 
 
-# against a model
-
-
+# --- against a model
 @dataclass(frozen=True)
 class Side_:
     """One side of the model: its prompt, its words by part, what was said, and the question that they answer."""

@@ -25,9 +25,8 @@ from tests.helpers.app_driver import (
 )
 from viewer.app import App
 
-# typing
 
-
+# --- typing
 def test_typing_fills_the_prompt_and_never_drives(app: App) -> None:
     click_prompt_box(app)
     app.window.inject_key("w", True)
@@ -99,9 +98,7 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
     assert answer.milliseconds > 0.0
 
 
-# the six fields
-
-
+# --- the six fields
 def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(app: App) -> None:
     said = words(app)["torso"]
     for empty in (False, True):
@@ -126,9 +123,7 @@ def test_a_field_is_applied_when_it_is_left(app: App) -> None:
     assert "slowly" in words(app)["head"]
 
 
-# undo
-
-
+# --- undo
 def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app)

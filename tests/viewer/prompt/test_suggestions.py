@@ -92,9 +92,7 @@ def test_meaning_is_looked_up_on_a_worker_only(app: App) -> None:
     assert similar == list(FakeLibrary.near)
 
 
-# history
-
-
+# --- history
 def test_the_history_is_recalled_remembered_and_has_no_doubles(app: App) -> None:
     for text in ("one", "two", "One ", "three"):
         app.prompting.submit_prompt(text)

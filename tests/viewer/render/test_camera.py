@@ -30,9 +30,8 @@ def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: floa
 def test_heading_is_the_ground_direction_of_the_view(yaw: float, pitch: float, distance: float) -> None:
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw, pitch, distance)
     looked = camera.target - camera.position
-    assert math.remainder(math.atan2(looked[0], looked[2]) - camera.yaw, math.tau) == pytest.approx(
-        0, abs=1e-6
-    )
+    apart = math.remainder(math.atan2(looked[0], looked[2]) - camera.yaw, math.tau)
+    assert apart == pytest.approx(0, abs=1e-6)
 
 
 def view_ray(camera: Camera, x: float, y: float, aspect: float) -> tuple[np.ndarray, np.ndarray]:

@@ -90,9 +90,8 @@ def test_golden_stairs_with_overlays(render: Render) -> None:
 
 def test_golden_hills_high_with_others(render: Render) -> None:
     terrain = hills()
-    overlays = Overlays(
-        ghosts=[walking_pose(terrain, 0.7, 0.3, -0.5)], extra_poses=[walking_pose(terrain, -0.8, -0.2)]
-    )
+    ghost, extra = walking_pose(terrain, 0.7, 0.3, -0.5), walking_pose(terrain, -0.8, -0.2)
+    overlays = Overlays(ghosts=[ghost], extra_poses=[extra])
     check_golden("hills_others_high", render(terrain, overlays, SMALL_HIGH))
 
 
@@ -149,10 +148,8 @@ def test_feet_darken_the_ground_only_when_near(render: Render) -> None:
     camera = OrbitCamera((0.0, 0.85, 0.0), 3.8, 0.8, 3.0)
     spot = np.array([toe[0] + 0.02, 0.0, toe[2] + 0.085, 1.0])  # towards the sun, before the toe
     clip = camera.projection_matrix(WIDTH / HEIGHT) @ camera.view_matrix() @ spot
-    column, row = (
-        round((0.5 + 0.5 * clip[0] / clip[3]) * WIDTH),
-        round((0.5 - 0.5 * clip[1] / clip[3]) * HEIGHT),
-    )
+    column = round((0.5 + 0.5 * clip[0] / clip[3]) * WIDTH)
+    row = round((0.5 - 0.5 * clip[1] / clip[3]) * HEIGHT)
     options = {"yaw": 3.8, "pitch": 0.8, "overlays": Overlays(show_grid=False), "distance": 3.0}
     bare, stood, jumped = (brightness(render(pose=p, **options))[row, column] for p in (None, pose, lifted))
     assert bare - stood > 20
@@ -166,9 +163,8 @@ def test_ghosts_are_fainter_where_they_would_hide_the_character(render: Render) 
     solid = np.abs(render(pose=pose).astype(int) - bare).max(-1)
     assert alone.max() < 0.8 * solid.max()  # the ground shows through
     far = render(pose=behind, yaw=0.0).astype(int)
-    covering = np.abs(render(pose=behind, yaw=0.0, overlays=Overlays(ghosts=[pose])).astype(int) - far).max(
-        -1
-    )
+    ghosted = render(pose=behind, yaw=0.0, overlays=Overlays(ghosts=[pose]))
+    covering = np.abs(ghosted.astype(int) - far).max(-1)
     assert 0 < covering.max() < 0.7 * alone.max()
 
 
@@ -211,12 +207,12 @@ def test_overlays_leave_the_next_frame_alone(target: OffscreenTarget, body: Caps
 def test_scale_and_samples_change_edges_only(render: Render) -> None:
     plain = replace(SOFTWARE, smooth_edges="")
     reference = render(quality=plain).astype(int)
-    for quality in (
+    finer = (
         replace(plain, render_scale=0.5),
         replace(plain, msaa=4),
         replace(plain, msaa=4, render_scale=1.5),
-        SOFTWARE,
-    ):
+    )
+    for quality in (*finer, SOFTWARE):
         difference = np.abs(render(quality=quality).astype(int) - reference).max(-1)
         assert 0 < (difference > 3).mean() < 0.35
         assert difference.mean() < 6

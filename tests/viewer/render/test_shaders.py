@@ -24,9 +24,8 @@ def test_a_shader_that_is_missing_or_wrong_is_named(
 ) -> None:
     monkeypatch.setattr(gl, "SHADER_ROOT", tmp_path)
     (tmp_path / "half.glsl").write_text("float half_of(float x) { return SCALE * x; }\n")
-    (tmp_path / "a.vert").write_text(
-        '#version 330\n#include "half.glsl"\nvoid main() { gl_Position = vec4(half_of(2.0)); }\n'
-    )
+    text = '#version 330\n#include "half.glsl"\nvoid main() { gl_Position = vec4(half_of(2.0)); }\n'
+    (tmp_path / "a.vert").write_text(text)
     with pytest.raises(FileError, match=r"a\.frag"):
         load_program(ctx, "a.vert", "a.frag", {"SCALE": 1})
     (tmp_path / "a.frag").write_text("#version 330\nout vec4 color;\nvoid main() { color = vec4(SCALE); }\n")

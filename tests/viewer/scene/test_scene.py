@@ -39,10 +39,9 @@ def test_offscreen_a_wrong_option_is_an_error(tmp_path: Path) -> None:
 
 
 def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> None:
+    options = ViewOptions(offscreen=True, terrain="flat", prompt=" ")
     with pytest.raises(SportError, match="empty"):
-        App(
-            ViewOptions(offscreen=True, terrain="flat", prompt=" "), fake_services(), InjectedPads(), tmp_path
-        )
+        App(options, fake_services(), InjectedPads(), tmp_path)
 
 
 def test_terrain_reaches_model_and_renderer(app: App) -> None:
@@ -155,9 +154,8 @@ def test_a_failing_model_leaves_the_last_good_pose(app: App, broken: str) -> Non
 
 @pytest.mark.parametrize("panels", [True, False])
 def test_without_panels_saved_frames_hold_the_scene_alone(start: Start, tmp_path: Path, panels: bool) -> None:
-    app = start(
-        real_renderer=True, width=640, height=360, panels=panels, frames_directory=tmp_path / "frames"
-    )
+    frames = tmp_path / "frames"
+    app = start(real_renderer=True, width=640, height=360, panels=panels, frames_directory=frames)
     run(app, 3)
     frame = np.asarray(Image.open(tmp_path / "frames" / "frame_00002.png")).astype(int)
     status, above = frame[-26:], frame[-80:-40]

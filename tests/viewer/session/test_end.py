@@ -58,11 +58,8 @@ def test_the_program_ends_in_time_and_the_next_start_has_the_take(
 
     disk = what in ("a slow disk", "a disk that hangs", "no room")
     # a busy machine must not decide: a disk that works has time, and so has what is handed over
-    for module, name, seconds in (
-        [(database, "HAND_OVER_S", 30.0)]
-        if disk
-        else [(app_module, "END_S", 30.0), (app_module, "SESSION_S", 29.8)]
-    ):
+    ends = [(database, "HAND_OVER_S", 30.0)] if disk else []
+    for module, name, seconds in ends or [(app_module, "END_S", 30.0), (app_module, "SESSION_S", 29.8)]:
         monkeypatch.setattr(module, name, seconds)
     app.takes.toggle_recording()
     run(app, 20)
@@ -78,9 +75,8 @@ def test_the_program_ends_in_time_and_the_next_start_has_the_take(
         for _ in range(11):
             app.jobs.submit(Slot("blend"), lambda: wait(never, 60.0), lambda _: None)
     elif what == "an export":
-        app.jobs.submit(
-            Slot("export", "x"), lambda: wait(never, 60.0), lambda _: None, writing="the export of x"
-        )
+        work, slot = partial(wait, never, 60.0), Slot("export", "x")
+        app.jobs.submit(slot, work, lambda _: None, writing="the export of x")
     elif what == "a film that ends when told":
         film = lambda: wait(given_up, 60.0)  # noqa: E731
         app.jobs.submit(Slot("export"), film, lambda _: None, writing="the film", cancel=given_up.set)
@@ -166,10 +162,8 @@ def test_a_damaged_file_that_two_jobs_read_is_one_sentence() -> None:
     with jobs.together():
         for kind, file in (("character", "a.glb"), ("take", "a.glb"), ("take", "b.glb")):
             jobs.submit(Slot(kind, file), partial(fail, f"{file} as a {kind}"), lambda _: None, reading=file)
-    assert [message.text for message in messages.recent] == [
-        "a.glb as a character: damaged.",
-        "b.glb as a take: damaged.",
-    ]
+    wanted = ["a.glb as a character: damaged.", "b.glb as a take: damaged."]
+    assert [message.text for message in messages.recent] == wanted
 
 
 def test_a_result_that_a_newer_job_has_replaced_is_not_handed_over() -> None:

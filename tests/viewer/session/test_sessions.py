@@ -70,8 +70,6 @@ def make_named(path: Path) -> Path:
 
 
 # --- everything is there again
-
-
 def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, tmp_path: Path) -> None:
     write_height_png(tmp_path / "dunes.png", np.random.default_rng(1).random((40, 40)))
     write_character(tmp_path / "me.glb", user_character())
@@ -106,9 +104,8 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
     assert text_of(again.editor.session) == before
     assert (again.editor.undo_label, again.editor.redo_label) == (undo, redo)
     assert titles(again) == ["Take 1", "long walk"]
-    assert np.allclose(
-        again.editor.session.takes[1].made.clip.local_rotations, clip.local_rotations, atol=4e-5
-    )
+    turns = again.editor.session.takes[1].made.clip.local_rotations
+    assert np.allclose(turns, clip.local_rotations, atol=4e-5)
     assert Path(again.scene.terrain_spec).name == "dunes.png"
     assert again.scene.character_path.name == "me.glb"
     assert prompt(again) == "a proud king"
@@ -124,8 +121,6 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
 
 
 # --- from one session to the other
-
-
 def test_each_take_is_in_the_session_in_which_it_was_recorded(start: Start, tmp_path: Path) -> None:
     cache, paths = tmp_path / "cache", [tmp_path / "a.sport", tmp_path / "b.sport"]
     for path in paths:
@@ -212,18 +207,13 @@ def test_the_session_that_is_open_is_not_opened_again(app: App, tmp_path: Path) 
 
 
 # --- of others
-
-
 @pytest.mark.parametrize("where", ["elsewhere", "a link", "http:", "beside it", "chosen before"])
 def test_a_film_of_a_session_is_read_where_it_lies_with_it_or_was_chosen_here(
     where: str, start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     foreign, home = tmp_path / "foreign", tmp_path / "home"
-    films = {
-        "http:": "http://127.0.0.1:9/a.mp4",
-        "beside it": str(home / "films" / "a.mp4"),
-        "a link": str(home / "link.mp4"),
-    }
+    films = {name: str(home / path) for name, path in (("beside it", "films/a.mp4"), ("a link", "link.mp4"))}
+    films["http:"] = "http://127.0.0.1:9/a.mp4"
     film, read = films.get(where, str(foreign / "a.mp4")), list[Path]()
     session = replace(Session(), reference=Reference(video=film))
     written(home / "a.sport", history_of(session), tmp_path)
@@ -273,8 +263,6 @@ def test_what_the_end_cuts_short_is_said_then_and_at_the_next_opening(start: Sta
 
 
 # --- cut off
-
-
 @pytest.mark.parametrize("button", ["Reopen", "Discard"])
 def test_a_session_that_was_cut_off_while_recording_is_one_offer(
     start: Start, tmp_path: Path, button: str
@@ -361,8 +349,6 @@ def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(app: App) -
 
 
 # --- the disk
-
-
 def full(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """Whether the disk has no room, to be changed."""
     is_full, real = [True], Database._keep_there
@@ -445,9 +431,8 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
     app.sessions.save_as(path)
     app.close()
     with closing(sqlite3.connect(path)) as connection, connection:
-        key = connection.execute(
-            "SELECT key FROM motions WHERE key NOT LIKE '%.input' ORDER BY number"
-        ).fetchone()[0]
+        keys = "SELECT key FROM motions WHERE key NOT LIKE '%.input' ORDER BY number"
+        key = connection.execute(keys).fetchone()[0]
         connection.execute("UPDATE frames SET content = zeroblob(9) WHERE motion LIKE ?", (f"{key}%",))
     app = start(session=str(path))
     run(app, 2)
@@ -475,8 +460,6 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
 
 
 # --- dialogs
-
-
 def test_without_a_dialog_program_the_path_is_typed(app: App, tmp_path: Path) -> None:
     app.sessions.dialogs.available = lambda: False
     record(app)
@@ -504,8 +487,6 @@ def test_a_systems_dialog_hands_over_its_answer(start: Start, tmp_path: Path) ->
 
 
 # --- other things of a session
-
-
 def test_a_take_plays_on_the_ground_that_it_was_made_on(app: App) -> None:
     record(app)
     flat = app.scene.terrain

@@ -13,7 +13,7 @@ from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.motion.controller import TEMPERATURE
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session_file import SessionFile
-from tests.helpers.app_driver import Start, click_on, message, run
+from tests.helpers.app_driver import Start, click_on, export_bvh, message, run
 from viewer.app import App
 from viewer.session.opening import open_file
 
@@ -44,9 +44,7 @@ def test_record_play_trim_export(app: App, tmp_path: Path) -> None:
     click_on(app, "[ In")
     app.takes.playback.seek(20)
     click_on(app, "Out ]")
-    app.bvh_export.path = str(tmp_path / "new folder" / "walk")
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app, tmp_path / "new folder" / "walk")
     assert app.bvh_export.saved(app.editor.session.takes[0]) == tmp_path / "new folder" / "walk.bvh"
     motion = read_bvh(tmp_path / "new folder" / "walk.bvh")
     assert len(motion.positions) == 16
@@ -69,9 +67,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     run(app, 20)
     app.takes.toggle_recording()
     app.window.inject_key("w", False)
-    app.bvh_export.path = str(tmp_path / "walk.bvh")
-    app.bvh_export.export()
-    run(app, 2)
+    export_bvh(app, tmp_path / "walk.bvh")
     back = load_clip_bvh(tmp_path / "walk.bvh")
     assert [event.prompt for event in back.prompts] == ["a proud king", "an old king"]
     changed = back.prompts[1]
@@ -89,9 +85,7 @@ def test_a_failing_export_keeps_the_clip(app: App, tmp_path: Path) -> None:
     record(app)
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
-    app.bvh_export.path = str(blocked / "walk.bvh")
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app, blocked / "walk.bvh")
     assert str(blocked) in message(app)
     assert len(app.editor.session.takes) == 1
     assert app.bvh_export.saved(app.editor.session.takes[0]) is None
@@ -110,8 +104,7 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     own = tmp_path / "take-1-2.bvh"
     assert app.bvh_export.path == str(own)
     own.write_text("of a viewer beside this one", encoding="utf-8")  # the name is no longer free
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app)
     assert (earlier.read_text("utf-8"), own.read_text("utf-8")) == ("earlier", "of a viewer beside this one")
     own = tmp_path / "take-1-3.bvh"
     assert app.bvh_export.saved(app.editor.session.takes[0]) == own
@@ -119,17 +112,13 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     assert app.bvh_export.path == str(again)  # its own file of this session is not replaced either
     app.takes.play(1)
     app.takes.trim(first=5)
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app)
     assert len(load_clip_bvh(own)) == len(load_clip_bvh(again)) + 5
     assert sorted(tmp_path.glob("*.bvh")) == [tmp_path / "take-1-2.bvh", own, again, earlier]
-    app.bvh_export.path = str(earlier)
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app, earlier)
     assert earlier.read_text("utf-8").startswith("HIERARCHY")
     app.bvh_export.path = str(own)  # typed: once proposed, but not what is proposed now
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app)
     assert app.bvh_export.saved(app.editor.session.takes[0]) == own
 
 
@@ -144,8 +133,7 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(app: App,
     run(app)
     app.takes.playback.seek(10)
     click_on(app, "Out ]")
-    app.bvh_export.export()
-    run(app)
+    export_bvh(app)
     assert original.read_bytes() == before
     assert len(load_clip_bvh(tmp_path / "take-1-2.bvh")) == 11
 
@@ -196,14 +184,8 @@ def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(app: App, tmp_
 def test_screenshot_and_frames_are_written(start: Start, tmp_path: Path) -> None:
     from PIL import Image
 
-    app = start(
-        drawn=True,
-        width=128,
-        height=96,
-        screenshot=tmp_path / "a" / "out.png",
-        frames=2,
-        frames_directory=tmp_path / "film",
-    )
+    files = {"screenshot": tmp_path / "a" / "out.png", "frames_directory": tmp_path / "film"}
+    app = start(drawn=True, width=128, height=96, frames=2, **files)
     while not app.finished:
         app.frame()
     assert app.end() == 0

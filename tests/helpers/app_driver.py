@@ -181,6 +181,14 @@ def type_prompt(app: App, text: str) -> None:
     type_in(app, text)
 
 
+def type_key(app: App, letter: str) -> None:
+    """What a keyboard sends of a letter, within one frame: key down, its character, key up."""
+    name = "space" if letter == " " else letter
+    app.window.inject_key(name, True)
+    hand.text(app.window, letter)
+    app.window.inject_key(name, False)
+
+
 def typing(app: App) -> bool:
     """Whether a text field has the keyboard."""
     return bool(imgui.get_io().want_text_input)
@@ -226,6 +234,12 @@ def record(app: App, frames: int = 20, stop: bool = True) -> None:
     run(app)
 
 
+def record_standing(app: App, frames: int) -> None:
+    app.takes.toggle_recording()
+    run(app, frames)
+    app.takes.toggle_recording()
+
+
 def export_bvh(app: App, path: Path | str | None = None) -> None:
     """Export the take that plays or the newest one, where the window proposes it or to a path."""
     if path is not None:
@@ -255,3 +269,36 @@ def frame(app: App) -> int:
 
 def titles(app: App) -> list[str]:
     return [take.title for take in app.editor.session.takes]
+
+
+def _click(app: App, what: str) -> None:
+    label, _, index = what.partition(" @")
+    click_on(app, label, int(index or 0))
+
+
+STEPS: dict[str, Callable[[App, str], object]] = {
+    "click": _click,
+    "key": lambda app, keys: press(app, *keys.split("+")),
+    "hold": lambda app, what: hold(app, what.split(" ")[0], int(what.split(" ")[1])),
+    "type": type_in,
+    "run": lambda app, frames: run(app, int(frames)),
+    "record": lambda app, frames: record(app, int(frames or 20)),
+    "stand": lambda app, frames: record_standing(app, int(frames)),
+    "play": lambda app, number: app.takes.play(int(number or 1)),
+    "close": lambda app, _: app.takes.close_playback(),
+    "seek": lambda app, number: seek(app, int(number)),
+    "remove": lambda app, number: app.takes.remove(int(number)),
+    "mirror": lambda app, number: app.takes.mirror(int(number)),
+    "prompt": lambda app, text: app.prompting.submit_prompt(text),
+    "insert": lambda app, text: app.editing.insert_prompt(text),
+    "ground": lambda app, spec: app.scene.load_terrain(spec),
+    "undo": lambda app, _: app.editor.undo(),
+    "redo": lambda app, _: app.editor.redo(),
+}
+
+
+def do(app: App, steps: str) -> None:
+    """Steps of `STEPS`: "click ##terrain; key down; type abc"; "click Keep @1" is the second widget of that name."""
+    for step in steps.split("; "):
+        verb, _, what = step.partition(" ")
+        STEPS[verb](app, what)

@@ -11,7 +11,7 @@ from runtime.atomic import atomic_path, sweep
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.session import library
 from runtime.session.library import SessionSummary
-from tests.helpers.app_driver import Start, run
+from tests.helpers.app_driver import Start, do, run
 from viewer.session.summaries import describe
 
 YEAR_S = 365 * 86400.0
@@ -37,8 +37,7 @@ def test_takes_are_recorded_played_and_kept_while_the_clock_jumps(start: Start, 
         run(app, 30)
         app.takes.toggle_recording()
         app.takes.play(app.editor.session.counter)
-        run(app, 5)
-        app.takes.close_playback()
+        do(app, "run 5; close")
     assert [len(item.clip) for item in app.editor.session.takes] == [30, 30, 30]
     app.bvh_export.export()
     assert len(load_clip_bvh(next((tmp_path / "clips").glob("*.bvh")))) == 30

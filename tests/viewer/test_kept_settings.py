@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.helpers.app_driver import click_on, message, run, run_until
+from tests.helpers.app_driver import do, message, run, run_until
 from viewer.app import App
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
@@ -50,14 +50,11 @@ def written(app: App) -> dict[str, Any]:
 def test_a_change_by_mouse_is_in_the_file_a_second_later(app: App) -> None:
     now = [0.0]
     app.kept.active, app.kept.clock, app.jobs.blocking = True, lambda: now[0], False
-    run(app, 3)
-    click_on(app, "Ghosts")
+    do(app, "run 3; click Ghosts")
     assert app.settings.show_ghosts
     now[0] += WRITE_INTERVAL_S
     run_until(app, lambda: written(app).get("show_ghosts") is True)
-    click_on(app, "##settings")
-    click_on(app, "##text size")
-    click_on(app, "Large")
+    do(app, "click ##settings; click ##text size; click Large")
     assert not app.jobs.busy(Slot("settings"))
     now[0] += WRITE_INTERVAL_S
     run_until(app, lambda: written(app).get("text_size") == 1.15)

@@ -16,6 +16,7 @@ from tests.helpers.app_driver import (
     Start,
     click,
     click_on,
+    do,
     drag,
     drawn,
     message,
@@ -77,15 +78,13 @@ def saved_and_opened(app: App, path: Path) -> Session:
 # --- trims
 @pytest.mark.parametrize("then", ["another plays", "live", "opened"])
 def test_undo_takes_the_trim_back_whatever_was_looked_at_since(app: App, tmp_path: Path, then: str) -> None:
-    record(app, 40)
-    record(app, 40)
+    do(app, "record 40; record 40")
     play_row(app, 0)
     trim_start(app, 0.5)
     if then == "another plays":
         play_row(app, 1)
     elif then == "live":
-        press(app, "escape")
-        run(app, 5)
+        do(app, "key escape; run 5")
     else:
         saved_and_opened(app, tmp_path / "a.sport")
     undo(app)
@@ -158,9 +157,7 @@ def test_undo_removes_the_camera_key_and_not_the_pin_before_it(app: App) -> None
 # --- body and ground
 def test_a_shape_of_the_mannequin_is_one_step_and_comes_back_as_sliders(start: Start, tmp_path: Path) -> None:
     app = start(services={"load_character": services.load_character})
-    run(app, 2)
-    click_on(app, "Files, body, links")
-    click_on(app, "Mannequin")
+    do(app, "run 2; click Files, body, links; click Mannequin")
     begin, end = (place(app, "##shape height", share=share) for share in (0.5, 0.2))
     steps = app.editor.history.present.number
     drag(app, begin, end)
@@ -182,10 +179,7 @@ def test_the_unit_of_a_character_is_chosen_and_undone(start: Start, tmp_path: Pa
     app.open_files([RIGS["centimetres"](tmp_path / "rig.glb")])
     run(app, 6)
     guessed = app.scene.size
-    click_on(app, "Files, body, links")
-    click_on(app, "##character unit")
-    click_on(app, "Unit: inches")
-    run(app, 4)
+    do(app, "click Files, body, links; click ##character unit; click Unit: inches; run 4")
     assert app.scene.size == pytest.approx(2.54 * guessed)
     saved_and_opened(app, tmp_path / "a.sport")
     assert app.scene.size == pytest.approx(2.54 * guessed)
@@ -208,9 +202,7 @@ def shown_ground(app: App) -> str:
 
 
 def test_the_scene_panel_names_the_ground_of_the_take_that_plays(app: App) -> None:
-    record(app, 40)
-    app.scene.load_terrain("hills")
-    run(app, 2)
+    do(app, "record 40; ground hills; run 2")
     assert shown_ground(app).lower() == "hills"
     play_row(app, 0)
     assert shown_ground(app).lower() == "flat"
@@ -227,8 +219,7 @@ def test_the_scene_panel_names_the_ground_under_a_file(start: Start, tmp_path: P
     clip = Clip("walk", 60.0, *walk(90), terrain="stairs" if named else "flat")
     save_motion(clip, tmp_path / "walk.glb", ExportOptions(), load_terrain(clip.terrain))
     app = start()
-    app.scene.load_terrain("hills")
-    run(app, 2)
+    do(app, "ground hills; run 2")
     open_file(app.takes, tmp_path / "walk.glb")
     run(app, 4)
     wanted = "stairs" if named else "hills"

@@ -18,7 +18,7 @@ from runtime.takes.metadata import PromptEvent
 from runtime.terrain.files import write_height_png
 from runtime.terrain.library import load_terrain
 from sport import cli
-from tests.helpers.app_driver import Start, message, run
+from tests.helpers.app_driver import Start, do, message, run
 from tests.helpers.walker import walk
 from viewer.app import App
 
@@ -114,8 +114,7 @@ def test_an_opened_take_lies_on_its_ground(app: App, tmp_path: Path) -> None:
         playback = app.takes.playback
         assert playback.terrain.name == "hills"
         assert app.scene.renderer.terrain is playback.terrain
-        app.takes.close_playback()
-        run(app)
+        do(app, "close; run 1")
         assert app.scene.renderer.terrain is app.scene.terrain  # the live one is back
         assert app.scene.terrain_spec == "flat"
         assert np.allclose(playback.clip.hips_positions, walk(60)[0], atol=1e-3)

@@ -10,6 +10,7 @@ from tests.helpers.app_driver import (
     click,
     click_on,
     controller,
+    do,
     hold,
     message,
     place,
@@ -18,7 +19,6 @@ from tests.helpers.app_driver import (
     run,
     run_until,
     texts,
-    type_in,
     type_prompt,
 )
 from viewer.app import App
@@ -69,10 +69,7 @@ def test_a_kept_prompt_is_the_current_one_until_undo(app: App) -> None:
     apply(app, "a proud king")
     press(app, "v")
     assert app.compare.open
-    click_on(app, "##variant prompt", 1)
-    press(app, "ctrl", "a")
-    type_in(app, "someone limping")
-    press(app, "enter")
+    do(app, "click ##variant prompt @1; key ctrl+a; type someone limping; key enter")
     assert app.compare.titles[1] == "someone limping, seed 1"
     assert prompt(app) == "a proud king"
     click_on(app, "Keep", 1)
@@ -84,14 +81,12 @@ def test_a_kept_prompt_is_the_current_one_until_undo(app: App) -> None:
 
 def test_blends_steps_more_and_fewer(start: Start) -> None:
     app = start(prompt="a proud king", blend="someone limping", blend_weights=(0.5,) * 6)
-    run(app, 3)
-    press(app, "v")
+    do(app, "run 3; key v")
     assert app.compare.titles == [f"a proud king, B {percent} %" for percent in (0, 50, 100)]
     assert [text for text in texts(app) if text.startswith("B ")] == ["B 0 %", "B 50 %", "B 100 %"]
     click(app, *place(app, "##seed", 1, share=0.9))
     assert app.compare.titles[1] == "a proud king, B 50 %, seed 1"
-    press(app, "ctrl", "z")
-    click_on(app, "+ Add")
+    do(app, "key ctrl+z; click + Add")
     for _ in range(6):  # the tenth is none
         app.compare.add()
     assert len(app.compare.poses) == 9
@@ -106,9 +101,7 @@ def test_blends_steps_more_and_fewer(start: Start) -> None:
 
 
 def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(app: App) -> None:
-    press(app, "r")
-    run(app, 20)
-    press(app, "v")
+    do(app, "key r; run 20; key v")
     assert (app.takes.recording, len(app.editor.session.takes)) == (False, 1)
     press(app, "r")
     assert app.takes.recording
@@ -117,9 +110,7 @@ def test_a_recording_ends_before_the_view_opens_and_the_view_before_a_recording(
 
 
 def test_the_variants_stand_on_the_ground_that_is_chosen(app: App) -> None:
-    press(app, "v")
-    app.scene.load_terrain("hills")
-    run(app, 3)
+    do(app, "key v; ground hills; run 3")
     places = [p.root_position for p in app.compare.poses]
     heights = [float(app.scene.terrain.height(at[0], at[2])) for at in places]
     assert app.scene.terrain.name == "hills"
@@ -212,8 +203,7 @@ def test_variants_are_kept_for_their_prompt_and_replaced_for_another(app: App) -
 def test_the_last_prompts_are_one_step(app: App) -> None:
     for text in ("a duck", "someone limping", "a proud king"):
         apply(app, text)
-    press(app, "v")
-    click_on(app, "Prompts")
+    do(app, "key v; click Prompts")
     assert app.compare.titles == ["a proud king", "someone limping", "a duck"]
     assert app.editor.undo_label == "comparison of the last prompts"
     press(app, "ctrl", "z")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.helpers.app_driver import Start, click_on, message, press, run, texts
+from tests.helpers.app_driver import Start, click_on, do, message, press, run, texts
 from tests.viewer.edit.test_timeline import record, same, seek
 from viewer.app import App
 
@@ -38,8 +38,7 @@ def test_a_take_is_split_and_joined_again(start: Start, size: tuple[int, int]) -
     assert app.takes.played == app.editor.session.takes[-1]
     first, made = app.editor.session.takes[0].clip, app.editor.session.takes[-1].clip
     assert same(first, made)
-    press(app, "ctrl", "z")
-    press(app, "ctrl", "z")
+    do(app, "key ctrl+z; key ctrl+z")
     assert takes(app) == [("Take 1", 80, (0, 79))]
     press(app, "ctrl", "y")
     assert takes(app) == split
@@ -55,7 +54,6 @@ def test_what_the_trim_keeps_is_repeated_or_cut_out(app: App) -> None:
     click_on(app, "Out ]")
     choose(app, "Repeat", "3 times")
     assert takes(app)[-1] == ("Take 1 x 3", 91, (0, 90))
-    app.takes.play(1)
-    run(app, 2)
+    do(app, "play 1; run 2")
     choose(app, "Cut out what the handles keep")
     assert takes(app)[-1] == ("Take 1, cut", 50, (0, 49))

@@ -9,7 +9,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.mirror import mirrored, other_side
 from runtime.terrain.height_map import Terrain
-from tests.helpers.app_driver import click_on, run
+from tests.helpers.app_driver import do
 from tests.helpers.walker import walk
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
@@ -59,18 +59,13 @@ def test_a_mirror_image_twice_is_the_take() -> None:
 
 def test_ghosts_trails_and_mirror_in_the_window(app: App) -> None:
     record(app, 30)
-    click_on(app, "Ghosts")
-    click_on(app, "Trails")
+    do(app, "click Ghosts; click Trails")
     seek(app, 30)
     overlays = app.scene.renderer.overlays
     assert len(overlays.frames) == 5  # of the 60 frames
     assert overlays.trails is not None
-    app.takes.mirror(1)
-    run(app, 2)
+    do(app, "mirror 1; run 2")
     assert len(app.editor.session.takes) == 2
-    app.takes.close_playback()
-    run(app, 2)
-    click_on(app, "Ghosts")
-    click_on(app, "Trails")
+    do(app, "close; run 2; click Ghosts; click Trails")
     assert app.scene.renderer.overlays.frames == []
     assert app.scene.renderer.overlays.trails is None

@@ -10,7 +10,7 @@ from runtime.takes.camera_keys import CameraKey
 from runtime.takes.key_curves import Channel, Curve, CurveKey, KeyedCurves
 from runtime.takes.pose_layer import PoseKey, PoseLayer, Tangent
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, point, press, run
+from tests.helpers.app_driver import Start, click, do, point, press, run
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
 from viewer.edit.graph_editor import GraphEditor
@@ -37,8 +37,7 @@ def app(start: Start) -> App:
     poses = replace(playback.take.poses, layer=PoseLayer(keys))
     cameras = (CameraKey(10 / 60, 0.2, 0.2, 3.0), CameraKey(80 / 60, 1.2, 0.3, 2.0))
     app.editor.put("keys", playback.number, poses=poses, cameras=cameras)
-    click_on(app, "Curves")
-    run(app, 4)
+    do(app, "click Curves; run 4")
     return app
 
 
@@ -113,15 +112,13 @@ def test_all_are_chosen_by_a_key_and_let_go_by_escape(app: App) -> None:
     click(app, *on_plot(app, 40, 55.0))
     press(app, "ctrl", "a")
     assert len(graph(app).chosen) == sum(len(curves(app).keys(each)) for each in curves(app).channels())
-    press(app, "escape")
-    press(app, "escape")
+    do(app, "key escape; key escape")
     assert not graph(app).chosen
 
 
 def test_a_tangent_of_the_chosen_key_is_another(app: App) -> None:
     click(app, *key_place(app, HEAD_YAW, 20))
-    click_on(app, "##curve tangent")
-    click_on(app, "Step")
+    do(app, "click ##curve tangent; click Step")
     assert curves(app).tangent(CurveKey(HEAD_YAW, 20)) is Tangent.STEP
 
 

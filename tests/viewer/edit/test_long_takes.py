@@ -10,7 +10,18 @@ from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.session import Take
 from runtime.takes.pins import Pinned
-from tests.helpers.app_driver import Start, click, click_on, frame, place, point, press, run, seek, wheel
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    do,
+    frame,
+    place,
+    point,
+    press,
+    seek,
+    wheel,
+)
 from viewer.app import App
 from viewer.edit.timeline_look import Range
 
@@ -21,10 +32,7 @@ JUMP = 1800
 
 def play_a_minute(app: App) -> None:
     """A take of 61 s that walks and jumps once plays, paused at its start."""
-    run(app, 2)
-    app.takes.toggle_recording()
-    run(app, 61)
-    app.takes.toggle_recording()
+    do(app, "run 2; stand 61")
     clip = app.editor.session.takes[0].clip
     at = np.resize(np.arange(len(clip)), FRAMES)
     gaits = np.full(FRAMES, Gait.WALK, np.int8)
@@ -34,8 +42,7 @@ def play_a_minute(app: App) -> None:
         local_rotations=clip.local_rotations[at], gaits=gaits,
     )  # fmt: skip
     app.editor.do("a minute", lambda session: edits.with_new_take(session, Take(motion=Motion.of(long))))
-    app.takes.play(2)
-    seek(app, 0)
+    do(app, "play 2; seek 0")
 
 
 def shown(app: App) -> Range:
@@ -82,11 +89,7 @@ def test_what_is_shown_fits_the_take_the_trim_and_a_pin(app: App) -> None:
     wheel_over(app, 5.0)
     click_on(app, "Fit")
     assert app.transport.timeline.whole
-    seek(app, 600)
-    click_on(app, "[ In")
-    seek(app, 1200)
-    click_on(app, "Out ]")
-    click_on(app, "Sel")
+    do(app, "seek 600; click [ In; seek 1200; click Out ]; click Sel")
     assert (shown(app).first, shown(app).last) == pytest.approx((570, 1230))
     press(app, "z")
     assert app.transport.timeline.whole
@@ -116,8 +119,6 @@ def test_a_jump_of_a_long_take_can_be_hit(start: Start, size: tuple[int, int]) -
 def test_the_frame_shown_stays_in_view_while_it_plays(app: App) -> None:
     play_a_minute(app)
     app.transport.timeline.fit((0, 60))
-    seek(app, 60)
-    press(app, "space")
-    run(app, 30)
+    do(app, "seek 60; key space; run 30")
     assert shown(app).first > 10
     assert shown(app).first <= frame(app) <= shown(app).last

@@ -5,7 +5,18 @@ import pytest
 
 from runtime.controls import Gait
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, controller, message, point, press, run, run_until
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    controller,
+    do,
+    message,
+    point,
+    press,
+    run,
+    run_until,
+)
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -20,8 +31,7 @@ def screen(app: App, x: float, z: float) -> tuple[float, float]:
 
 def test_a_drag_draws_a_path(app: App) -> None:
     app.scene.camera.current.yaw = 0.0
-    run(app, 5)
-    click_on(app, "Draw a path")
+    do(app, "run 5; click Draw a path")
     point(app, *screen(app, -1.0, 2.0))
     hand.mouse(app.window, *screen(app, -1.0, 2.0), 0, True)
     for x in np.linspace(-1.0, 1.2, 23):

@@ -18,11 +18,13 @@ from runtime.takes.pins import Pinned
 from tests.helpers.app_driver import (
     click,
     click_on,
+    do,
     drag,
     export_bvh,
     message,
     place,
     press,
+    record_standing,
     right_click,
     run,
     texts,
@@ -56,9 +58,7 @@ def glide(app: App, speed: float = 0.0) -> Take:
 
 def recorded(app: App) -> Take:
     """The same of the live character, driven."""
-    app.takes.toggle_recording()
-    run(app, 24)
-    app.takes.toggle_recording()
+    record_standing(app, 24)
     return played(app)
 
 
@@ -145,9 +145,7 @@ def test_words_of_a_take_change_under_its_pins(app: App) -> None:
     recorded(app)
     add_pin(app, "Left hand")
     app.pins.change(replace(item(app).poses.pins[0], point=(0.3, 1.3, 0.3)))
-    run(app, 3)
-    app.editing.insert_prompt("an old king")
-    run(app, 3)
+    do(app, "run 3; insert an old king; run 3")
     assert app.editor.undo_label.startswith("prompt an old king")
     assert item(app).poses.pins
     assert farthest(item(app).clip, item(app).poses.pins[0]) < 0.01
@@ -157,8 +155,7 @@ def test_a_plant_without_its_step_is_said_after_a_redrive(app: App) -> None:
     recorded(app)
     lifted = replace(item(app).poses, footplants=(FootplantEdit(0, (2, 5), None),))
     app.editor.do("plant", lambda session: session.with_take(session.counter, poses=lifted))
-    app.editing.insert_prompt("an old king")
-    run(app, 3)
+    do(app, "insert an old king; run 3")
     assert "One changed footplant" in message(app)
     assert item(app).poses.footplants  # it comes back with the version before
 
@@ -179,8 +176,7 @@ def test_out_of_reach_is_said(app: App) -> None:
 
 
 def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
-    click_on(app, "Hold…")
-    click_on(app, "Left hand")
+    do(app, "click Hold…; click Left hand")
     app.pins.change(replace(app.pins.pin, point=(0.3, 1.3, 0.3)))  # type: ignore[type-var]
     run(app, 20)
     shown = app.shown_pose().positions[HAND]
@@ -189,8 +185,7 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     recorded(app)
     assert np.allclose(item(app).clip.world()[0][10, HAND], shown, atol=0.01)
     assert not np.allclose(item(app).base_clip.world()[0][10, HAND], shown, atol=0.1)
-    press(app, "escape")
-    press(app, "escape")
+    do(app, "key escape; key escape")
     assert app.takes.playback is None
     app.pins.toggle_live(Pinned.LEFT_HAND)
     run(app, 20)

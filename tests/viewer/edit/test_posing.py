@@ -6,7 +6,7 @@ import pytest
 from runtime.feet.ik import LEG_FEET
 from runtime.takes.pose_layer import Curve, PoseLayer, Tangent
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, place, point, press, right_click, run
+from tests.helpers.app_driver import Start, click, click_on, do, place, point, press, right_click, run
 from tests.viewer.edit.test_timeline import record, seek
 from viewer.app import App
 from viewer.edit.handles import on_screen
@@ -45,8 +45,7 @@ def test_the_hips_are_dragged_down_and_the_feet_stay(start: Start, size: tuple[i
     app = start(width=size[0], height=size[1])
     record(app)
     seek(app, 30)
-    click_on(app, "Pose")
-    click_on(app, "Move")
+    do(app, "click Pose; click Move")
     click(app, *at(app, HIPS))
     run(app, 8)
     playback = app.takes.playback
@@ -78,25 +77,20 @@ def test_a_joint_is_turned_released_copied_and_mirrored(app: App) -> None:
     assert layer(app).joints(Curve.TURN) == [HEAD]
     click_on(app, "Copy")
     seek(app, 50)
-    click_on(app, "Mirror")
-    run(app, 4)
+    do(app, "click Mirror; run 4")
     assert [round(key.seconds * 60) for key in layer(app).keys] == [20, 50]
     assert set(layer(app).joints(Curve.TURN)) == set(range(31))
     seek(app, 65)
-    click_on(app, "Free")
-    run(app, 4)
+    do(app, "click Free; run 4")
     assert np.allclose(layer(app).values(Curve.TURN, HEAD, np.array([65 / 60])), 0.0)
-    click_on(app, "Del")
-    run(app, 4)
+    do(app, "click Del; run 4")
     assert len(layer(app).keys) == 2
     seek(app, 50)
-    click_on(app, "##tangent")
-    click_on(app, "Step")
+    do(app, "click ##tangent; click Step")
     assert layer(app).keys[-1].tangent is Tangent.STEP
     click_on(app, "Keep on")
     assert layer(app).keeps
-    press(app, "escape")
-    press(app, "escape")
+    do(app, "key escape; key escape")
     assert not app.posing.open
     assert app.takes.playback is not None
 
@@ -113,8 +107,7 @@ def test_keys_are_dragged_and_removed_on_their_track(app: App) -> None:
     seek(app, 30)
     click_on(app, "Pose")
     click(app, *at(app, HIPS))
-    click_on(app, "Key")
-    run(app, 4)
+    do(app, "click Key; run 4")
     left, y = place(app, "##pose keys", share=0.0)
     right, _ = place(app, "##pose keys", share=1.0)
     per_frame = (right - left - 8) / 79
@@ -130,8 +123,7 @@ def test_keys_are_dragged_and_removed_on_their_track(app: App) -> None:
 def test_the_head_turns_as_far_as_the_mouse_goes_along_a_ring_seen_from_its_edge(app: App) -> None:
     record(app)
     seek(app, 20)
-    click_on(app, "Pose")
-    press(app, "1")
+    do(app, "click Pose; key 1")
     app.scene.camera.current.pitch = 0.0
     run(app, 20)
     click(app, *at(app, HEAD))

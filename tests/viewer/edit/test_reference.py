@@ -18,6 +18,7 @@ from runtime.takes.pins import Pinned
 from tests.helpers.app_driver import (
     Start,
     click_on,
+    do,
     drawn,
     hold,
     message,
@@ -43,8 +44,7 @@ def with_take(app: App) -> App:
     app.takes.toggle_recording()
     hold(app, "w", 70)
     app.takes.toggle_recording()
-    app.takes.play(1)
-    run(app, 3)
+    do(app, "play 1; run 3")
     app.takes.playback.seek(0)
     return app
 
@@ -54,8 +54,7 @@ def choose_file(app: App, entry: str, path: Path) -> None:
     click_on(app, entry)
     press(app, "ctrl", "a")
     type_in(app, str(path))
-    press(app, "enter")
-    run(app, 5)
+    do(app, "key enter; run 5")
 
 
 def choose_beside(app: App, path: Path) -> None:
@@ -138,8 +137,7 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     run(app, 2)
     assert app.editor.session.reference == Reference(2, offset_s=0.25, aside_m=1.5, over=True)
     assert reference.look is Look.SKELETON
-    app.takes.play(1)
-    run(app, 2)
+    do(app, "play 1; run 2")
     overlays = app.overlays(None, [])
     assert overlays.figure.on_top
     assert not overlays.extra_poses
@@ -148,9 +146,7 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
 
 def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: Path) -> None:
     app = with_take(start(services={"load_character": Services().load_character}))
-    app.takes.mirror(1)
-    app.takes.play(1)
-    click_on(app, "Compare…")
+    do(app, "mirror 1; play 1; click Compare…")
     click_on(app, app.editor.session.takes[1].title)
     path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
     click_on(app, "##reference look")
@@ -161,9 +157,7 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     assert app.references.character is None
     path.unlink()
     app.sessions.open(tmp_path / "a.sport")
-    run(app, 3)
-    app.takes.play(1)
-    run(app, 2)
+    do(app, "run 3; play 1; run 2")
     assert app.references.look is Look.CHARACTER
     assert app.overlays(None, []).figure is not None
 
@@ -189,8 +183,7 @@ def apart(a: tuple[float, float, float, float], b: tuple[float, float, float, fl
 @pytest.mark.parametrize(("size", "pinned"), [((1280, 720), True), ((800, 500), False)])
 def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, int], pinned: bool) -> None:
     app = with_take(start(width=size[0], height=size[1]))
-    app.takes.mirror(1)
-    app.takes.play(1)
+    do(app, "mirror 1; play 1")
     app.references.show(2)
     if pinned:
         app.pins.add(Pinned.LEFT_HAND)
@@ -236,9 +229,7 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
     run(app, 3)
     assert reference.video is not None
     assert (reference.reference.offset_s, reference.reference.over) == (-0.5, True)
-    app.takes.play(1)
-    run(app, 2)
-    click_on(app, "##close reference")
+    do(app, "play 1; run 2; click ##close reference")
     assert not reference.shown
 
 

@@ -13,7 +13,7 @@ from runtime.session.session_file import SessionFile
 from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-from tests.helpers.app_driver import click_on, hold, place, point, press, run
+from tests.helpers.app_driver import click_on, do, hold, place, point, press, run
 from viewer.app import App
 from viewer.exports.exporting import ExportForm
 from viewer.filming.shots import FilmOptions, camera_path
@@ -61,8 +61,7 @@ def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
     assert app.editor.session.takes[0].path == tool.points
     press(app, "ctrl", "z")
     assert app.editor.session.takes[0].motion == before.motion
-    app.takes.close_playback()
-    run(app, 2)
+    do(app, "close; run 2")
     assert tool.points == drawn
     assert not tool.active
 
@@ -98,8 +97,7 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     for frame, yaw in ((10, 0.0), (50, 1.0)):
         playback.seek(frame)
         camera.current.yaw = yaw
-        click_on(app, "+ Pin")
-        click_on(app, "Camera key")
+        do(app, "click + Pin; click Camera key")
     assert [round(key.seconds * 60) for key in keys(app)] == [10, 50]
     (x, y), (to, _) = (place(app, "##camera keys", share=share) for share in (50 / 69, 60 / 69))
     for at, down in ((x, None), (x, True), (to, True), (to, False)):

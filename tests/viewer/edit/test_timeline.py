@@ -13,8 +13,8 @@ from runtime.session.session import Take
 from runtime.takes.clip import Clip
 from tests.helpers.app_driver import (
     Start,
-    click_on,
     controller,
+    do,
     drawn,
     export_bvh,
     frame,
@@ -23,10 +23,10 @@ from tests.helpers.app_driver import (
     point,
     press,
     prompt,
+    record_standing,
     run,
     run_until,
     seek,
-    type_in,
     type_prompt,
 )
 from tests.helpers.viewer_fakes import FakeController
@@ -38,9 +38,7 @@ from viewer.session.opening import open_file
 
 def record(app: App, frames: int = 40) -> Take:
     """Two prompts, each for so many frames of walking; then the take plays, paused at its start."""
-    run(app, 2)
-    app.prompting.submit_prompt("a proud king")
-    run(app, 2)
+    do(app, "run 2; prompt a proud king; run 2")
     app.takes.toggle_recording()
     app.window.inject_key("w", True)
     run(app, frames)
@@ -48,8 +46,7 @@ def record(app: App, frames: int = 40) -> Take:
     run(app, frames)
     app.window.inject_key("w", False)
     app.takes.toggle_recording()
-    app.takes.play(1)
-    seek(app, 0)
+    do(app, "play 1; seek 0")
     return take(app)
 
 
@@ -93,16 +90,14 @@ def test_the_keys_of_a_take(app: App) -> None:
     assert playback.playing
     press(app, "space")
     assert not playback.playing
-    press(app, "escape")
-    press(app, "space")
+    do(app, "key escape; key space")
     assert controller(app).steps > 0
     assert app.takes.playback is None
 
 
 def test_the_words_shown_are_those_of_the_take_that_plays(app: App) -> None:
     record(app)
-    app.prompting.submit_prompt("proud peacock")
-    seek(app, 5)
+    do(app, "prompt proud peacock; seek 5")
     assert app.editing.prompt == "a proud king"
     seek(app, 60)
     assert app.editing.prompt == "an old king"
@@ -124,10 +119,7 @@ def test_trim_handles_are_dragged(app: App) -> None:
 
 def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(app: App) -> None:
     before = record(app)
-    seek(app, 20)
-    click_on(app, "+ Prompt")
-    type_in(app, "a zombie")
-    press(app, "enter")
+    do(app, "seek 20; click + Prompt; type a zombie; key enter")
     assert prompts(app) == [("a proud king", 0), ("a zombie", 20), ("an old king", 40)]
     assert "a zombie" in message(app)
     assert app.editing.prompt == "a zombie"
@@ -142,12 +134,9 @@ def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(app: App) -> None
     drag(app, "##prompts", 0.505, 0.25)  # by its beginning
     assert [p for p, _ in prompts(app)] == ["a proud king", "an old king"]
     assert 17 <= prompts(app)[1][1] <= 22
-    seek(app, 60)
-    press(app, "enter")
+    do(app, "seek 60; key enter")
     assert imgui.get_io().want_text_input
-    press(app, "ctrl", "a")
-    type_in(app, "a goose")
-    press(app, "enter")
+    do(app, "key ctrl+a; type a goose; key enter")
     assert [p for p, _ in prompts(app)] == ["a proud king", "a goose"]
     app.editing.reword_part(1, "head", "looking up")
     run(app, 2)
@@ -160,9 +149,7 @@ def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(app: App) -> None
 
 def test_a_gait_is_inserted_and_the_stick_goes_on(app: App) -> None:
     before = record(app)
-    seek(app, 30)
-    click_on(app, "+ Gait")
-    click_on(app, "Jog")
+    do(app, "seek 30; click + Gait; click Jog")
     assert same(take(app).clip, before.clip, 0, 30)
     assert take(app).clip.gaits is not None
     assert set(take(app).clip.gaits[30:]) == {Gait.JOG}
@@ -174,20 +161,15 @@ def test_a_gait_is_inserted_and_the_stick_goes_on(app: App) -> None:
 
 def test_driving_goes_on_from_a_frame_of_a_take(app: App) -> None:
     record(app)
-    app.prompting.submit_prompt("proud peacock")
-    app.scene.load_terrain("stairs")
-    run(app, 3)
+    do(app, "prompt proud peacock; ground stairs; run 3")
     app.takes.play(1)  # which the choice of the ground has ended
-    seek(app, 25)
-    click_on(app, "##go on")
+    do(app, "seek 25; click ##go on")
     assert app.takes.playback is None
     assert prompt(app) == "a proud king"
     assert app.scene.terrain.name == "flat"  # the take's ground
     at = app.scene.simulation.current.hips_position
     assert np.linalg.norm(at - take(app).clip.hips_positions[25]) < 0.1
-    app.takes.toggle_recording()
-    run(app, 10)
-    app.takes.toggle_recording()
+    record_standing(app, 10)
     again = app.editor.session.takes[-1]
     assert [event.prompt for event in again.clip.prompts] == ["a proud king"]
     assert again.made.inputs is not None
@@ -224,9 +206,7 @@ def test_a_new_prompt_leaves_the_frames_before_it_as_they_were(start: Start) -> 
     """With the shipped model."""
     app = start(services={"load_model": Services().load_model})
     before = record(app, 25)
-    seek(app, 35)
-    app.editing.insert_prompt("a zombie")
-    run(app, 2)
+    do(app, "seek 35; insert a zombie; run 2")
     assert same(take(app).clip, before.clip, 0, 35)
     assert not same(take(app).clip, before.clip, 37)
     press(app, "ctrl", "z")
@@ -271,11 +251,7 @@ class Gate:
 @pytest.mark.parametrize("then", ["undo", "other take", "delete", "finish", "cancel"])
 def test_what_is_done_while_a_prompt_is_moved(app: App, monkeypatch: pytest.MonkeyPatch, then: str) -> None:
     record(app)
-    app.takes.toggle_recording()
-    run(app, 30)
-    app.takes.toggle_recording()
-    app.takes.play(1)
-    seek(app, 0)
+    do(app, "stand 30; play 1; seek 0")
     before = app.editor.session
     gate = Gate(app, monkeypatch)
     drag(app, "##prompts", 0.505, 0.25)
@@ -285,15 +261,13 @@ def test_what_is_done_while_a_prompt_is_moved(app: App, monkeypatch: pytest.Monk
         press(app, "ctrl", "z")
         assert "before it was done" in message(app)
     elif then == "other take":
-        app.takes.play(2)
-        run(app, 5)
+        do(app, "play 2; run 5")
         drag(app, "##prompts", 0.2, 0.6)
     elif then == "delete":
         app.takes.remove(1)
     elif then == "cancel":
         monkeypatch.setattr("viewer.jobs.PATIENCE_S", -1.0)
-        run(app, 2)
-        click_on(app, "##doing")
+        do(app, "run 2; click ##doing")
     gate.finish()
     run(app, 3)
     made = app.editor.session.take(1)
@@ -338,8 +312,7 @@ def test_the_keys_of_editors_trim_key_and_shuttle(app: App) -> None:
         seek(app, at)
         press(app, key)
     assert take(app).range == (10, 60)
-    seek(app, 30)
-    press(app, "s")
+    do(app, "seek 30; key s")
     assert [round(key.seconds * 60) for key in take(app).cameras] == [30]
     press(app, "l")
     assert (playback.playing, playback.rate) == (True, 1)
@@ -358,8 +331,7 @@ def test_p_while_recording_ends_the_take_and_plays_it(app: App) -> None:
     record(app)
     app.takes.close_playback()
     app.takes.toggle_recording()
-    run(app, 10)
-    press(app, "p")
+    do(app, "run 10; key p")
     assert not app.takes.recording
     assert app.takes.playback.number == 2
 

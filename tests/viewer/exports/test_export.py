@@ -11,7 +11,7 @@ import trimesh
 from runtime.character.writer import write_character
 from runtime.formats.table import FORMATS
 from runtime.skeleton import SPORT_SKELETON
-from tests.helpers.app_driver import Start, click_on, message, press, run, run_until, texts
+from tests.helpers.app_driver import Start, click_on, do, message, press, run, run_until, texts
 from tests.helpers.glb_playback import play
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
@@ -30,14 +30,12 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     run(app, FRAMES)
     app.window.inject_key("w", False)
     app.takes.toggle_recording()
-    run(app, 2)
-    click_on(app, "##more formats")
+    do(app, "run 2; click ##more formats")
     if app.exporting.form.suffix != suffix:
         click_on(app, "##export format")
         click_on(app, FORMATS[suffix].name)
     app.exporting.choose(**form)
-    run(app, 2)
-    click_on(app, "##export now")
+    do(app, "run 2; click ##export now")
     report = app.exporting
     assert report.report_good, report.report
     return folder / f"take-1{suffix}"
@@ -46,8 +44,7 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
 def test_a_range_is_the_trim_or_what_the_timeline_shows(start: Start, tmp_path: Path) -> None:
     app = start(services=REAL, terrain="flat")
     export(app, tmp_path, ".npz")
-    app.takes.play(1)
-    run(app, 2)
+    do(app, "play 1; run 2")
     app.takes.trim(last=19)
     app.transport.timeline.shown = app.transport.timeline.shown.fitted(3, 17)
     for part, frames in (("", FRAMES), ("trim", 20), ("shown", 15)):

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from runtime.takes.pins import Pinned
-from tests.helpers.app_driver import Start, click_on, drawn, message, record, run, texts, titles
+from tests.helpers.app_driver import Start, click_on, do, drawn, message, record, run, texts, titles
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui import defects as defects_module
@@ -28,9 +28,7 @@ def desk(start: Start) -> App:
     """A viewer that catches defects, with two takes."""
     app = start()
     app.defects.active = True
-    record(app)
-    record(app)
-    run(app, 2)
+    do(app, "record; record; run 2")
     return app
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, drag, drawn, press, record, run, texts
+from tests.helpers.app_driver import Start, click_on, do, drag, drawn, press, run, texts
 from viewer import window as window_module
 from viewer.app import App
 from viewer.gl_bindings import imgui
@@ -57,15 +57,13 @@ def test_a_file_is_found_by_clicks_alone(start: Start, folder: Path) -> None:
 def test_cancel_answers_nothing(start: Start, folder: Path) -> None:
     app, found = start(), []
     app.sessions.dialogs.ask(DialogKind.OPEN, "Open", folder, found.append)
-    run(app, 3)
-    click_on(app, "##dialog cancel")
+    do(app, "run 3; click ##dialog cancel")
     assert app.sessions.dialogs.question is None
     assert found == []
 
 
 def test_the_pose_panel_is_moved_and_stays_there(app: App) -> None:
-    record(app, 40)
-    app.takes.play(1)
+    do(app, "record 40; play 1")
     app.posing.toggle()
     run(app, 3)
     card = next(w for w in imgui.get_current_context().windows if w.name == "Pose")

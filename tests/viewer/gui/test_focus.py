@@ -11,12 +11,14 @@ from tests.helpers.app_driver import (
     click,
     click_on,
     controller,
+    do,
     drawn,
     message,
     place,
     press,
     record,
     run,
+    type_key,
     typing,
 )
 from viewer.app import App
@@ -54,11 +56,9 @@ def test_panels_keep_still_when_sections_are_unfolded(
 
 
 def type_everything(app: App) -> None:
-    """Every letter and digit as a keyboard sends them, key and character, in one frame each."""
+    """Every letter and digit in one frame."""
     for letter in LETTERS:
-        app.window.inject_key(letter, True)
-        hand.text(app.window, letter)
-        app.window.inject_key(letter, False)
+        type_key(app, letter)
 
 
 def test_words_that_miss_a_field_do_nothing(app: App) -> None:
@@ -114,10 +114,7 @@ def test_what_a_held_key_repeats_is_no_text_of_the_prompt(app: App, frames: int)
     app.window.inject_key("enter", True)
     app.window.inject_key("enter", False)
     for letter in "tired waiter":
-        name = "space" if letter == " " else letter
-        app.window.inject_key(name, True)
-        hand.text(app.window, letter)
-        app.window.inject_key(name, False)
+        type_key(app, letter)
     run(app, 6)
     assert app.prompting.boxes[0].text == "tired waiter"
     assert not app.takes.recording, "R is a letter after Enter"
@@ -126,8 +123,7 @@ def test_what_a_held_key_repeats_is_no_text_of_the_prompt(app: App, frames: int)
 
 def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(app: App) -> None:
     app.window.inject_key("w", True)
-    run(app, 2)
-    click_on(app, "Grid")
+    do(app, "run 2; click Grid")
     at = controller(app).z
     run(app, 3)
     assert controller(app).z > at
@@ -145,21 +141,15 @@ def test_every_panel_is_reached_and_used_by_keys(app: App) -> None:
     assert seen == ["Prompt", "Scene", "Takes", "Session", None]
     press(app, "f6")
     press(app, "f6")  # Scene: its list of grounds comes first
-    run(app, 2)
-    press(app, "space")
+    do(app, "run 2; key space")
     assert len(imgui.get_current_context().open_popup_stack) == 1
-    press(app, "down")
-    press(app, "space")
+    do(app, "key down; key space")
     assert app.scene.terrain.name != "flat"
     assert controller(app).z == 0.0  # no key reached the character
 
 
 def test_tab_goes_through_a_panel_and_its_fields(app: App) -> None:
-    app.takes.toggle_recording()
-    run(app, 40)
-    app.takes.toggle_recording()
-    app.takes.play(1)
-    run(app, 3)
+    do(app, "stand 40; play 1; run 3")
     for _ in range(4):
         press(app, "f6")
     reached = set()
@@ -177,8 +167,7 @@ MODAL = ("help", "path dialog", "defect", "last session")
 
 @pytest.mark.parametrize("what", MODAL)
 def test_no_key_reaches_what_lies_behind_a_modal_window(app: App, what: str) -> None:
-    record(app)
-    run(app, 2)
+    do(app, "record; run 2")
     app.sessions.dialogs.available = lambda: False
 
     def show() -> None:
@@ -198,7 +187,7 @@ def test_no_key_reaches_what_lies_behind_a_modal_window(app: App, what: str) -> 
     for keys in ("f6", "space", "ctrl tab", "space", "f6", "f6", "ctrl z", "f2", "v"):
         keys = keys.split(" ")
         press(app, *keys)
-        if keys == ("space",):  # presses a button of the window itself
+        if keys == ["space"]:  # presses a button of the window itself
             show()
         assert app.shell.focus.holder in app.shell.focus.windows
     assert before == (app.editor.session, app.settings.show_trajectory, app.scene.camera.mode)

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers import app_driver as driver
 from tests.helpers import hand
-from tests.helpers.app_driver import click, click_on, controller, message, place, point, press, run
+from tests.helpers.app_driver import click, controller, message, place, point, press, run
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui.focus import Use, window_at
@@ -92,22 +93,13 @@ def ctrl_click(app: App, label: str) -> None:
     assert "field" in things(app)
 
 
+STEPS = {"double": double_click, "ctrl-click": ctrl_click}
+
+
 def do(app: App, steps: str) -> None:
-    """Steps such as "click ##terrain; key down; type abc"."""
     for step in steps.split("; "):
         verb, _, what = step.partition(" ")
-        if verb == "click":
-            click_on(app, what)
-        elif verb == "double":
-            double_click(app, what)
-        elif verb == "ctrl-click":
-            ctrl_click(app, what)
-        elif verb == "type":
-            hand.text(app.window, what)
-        elif verb == "play":
-            app.takes.play(1)
-        else:
-            press(app, *what.split("+"))
+        STEPS[verb](app, what) if verb in STEPS else driver.do(app, step)
         run(app, 3)
 
 
@@ -242,6 +234,3 @@ def test_a_click_on_the_view_leaves_a_list_or_field_and_has_the_keys(steps: str,
     assert things(app) in ([], ["Settings##overlay"])
     assert app.shell.focus.in_view
     assert walks(app)
-
-
-# --- exports under way

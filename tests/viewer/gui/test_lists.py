@@ -4,7 +4,19 @@ import pytest
 
 from runtime.session.prompt_blend import Side
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click, click_on, drawn, place, point, press, run
+from tests.helpers.app_driver import (
+    Start,
+    click,
+    click_on,
+    do,
+    drawn,
+    place,
+    point,
+    press,
+    run,
+    texts,
+    type_key,
+)
 from viewer.app import App
 from viewer.gl_bindings import imgui
 
@@ -24,22 +36,15 @@ def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(app: App) -
     assert app.scene.terrain_spec == "flat"
 
 
-def typed_key(app: App, letter: str) -> None:
-    """Key down, its character, key up: what a window sends."""
-    app.window.inject_key(letter, True)
-    hand.text(app.window, letter)
-    app.window.inject_key(letter, False)
-
-
 def test_every_key_of_a_slow_frame_is_taken_in_it(app: App) -> None:
     app.shell.focus_prompt()
     run(app, 4)
     for letter in "anoldman":
-        typed_key(app, letter)
+        type_key(app, letter)
     for _ in range(3):
         app.window.inject_key("backspace", True)
         app.window.inject_key("backspace", False)
-    typed_key(app, "x")
+    type_key(app, "x")
     run(app)  # one frame
     assert app.prompting.boxes[Side.A].text == "anoldx"
     assert not app.window.input_waits
@@ -72,10 +77,7 @@ def test_tooltips_lie_beside_the_panel_and_say_what_cannot_be_read(
 
 
 def test_tooltips_of_the_timeline_lie_over_it(app: App) -> None:
-    app.takes.toggle_recording()
-    run(app, 30)
-    app.takes.toggle_recording()
-    app.takes.play(1)
+    do(app, "stand 30; play 1")
     app.takes.playback.playing = False
     run(app, 3)
     hand.mouse(app.window, *place(app, "##prompts"))
@@ -87,13 +89,8 @@ def test_tooltips_of_the_timeline_lie_over_it(app: App) -> None:
 def test_a_message_pushes_the_facts_away_where_both_have_no_room(start: Start) -> None:
     app = start(width=800, height=500)
     app.state.clocked = True
-    shown: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        real = imgui.text_unformatted
-        patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
-        app.messages.note("Take 1: 6.7 s in the clip list. Export writes it as BVH.")
-        run(app)
-    assert "Take 1: 6.7 s in the clip list. Export writes it as BVH." in shown
+    app.messages.note("Take 1: 6.7 s in the clip list. Export writes it as BVH.")
+    assert "Take 1: 6.7 s in the clip list. Export writes it as BVH." in texts(app)
 
 
 def test_six_fields_fit_into_a_window_of_the_first_start(app: App) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from runtime.session.prompt_blend import Side
 from runtime.takes.pins import Pinned
-from tests.helpers.app_driver import Start, drawn, record, run
+from tests.helpers.app_driver import Start, do, drawn, record, run
 from viewer.app import App
 from viewer.exports.exporting import ExportForm
 from viewer.gl_bindings import imgui
@@ -53,9 +53,7 @@ CHANGES: dict[str, Callable[[App], object]] = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_no_control_moves_when_a_take_gets_more(start: Start, size: tuple[int, int], change: str) -> None:
     app = start(width=size[0], height=size[1])
-    record(app, 40)
-    record(app, 40)
-    app.takes.play(1)
+    do(app, "record 40; record 40; play 1")
     before = places(app)
     CHANGES[change](app)
     assert moved(before, places(app)) == {}
@@ -93,8 +91,7 @@ def test_no_control_moves_when_an_answer_comes(start: Start, size: tuple[int, in
     app = start(width=size[0], height=size[1])
     run(app, 3)
     before = places(app)
-    app.prompting.submit_prompt("an old king")
-    run(app, 3)
+    do(app, "prompt an old king; run 3")
     assert moved(before, places(app)) == {}
     app.prompting.submit_prompt("a duck", Side.B)
     run(app, 3)

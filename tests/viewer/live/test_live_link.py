@@ -14,7 +14,7 @@ from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from sport import cli
-from tests.helpers.app_driver import Start, run
+from tests.helpers.app_driver import Start, do, run
 from tests.helpers.blender_addon import load_addon
 from viewer.live.link import (
     Address,
@@ -26,7 +26,7 @@ from viewer.live.link import (
     skeleton_number,
 )
 from viewer.messages import Messages
-from viewer.scene.simulation import make_pose
+from viewer.scene.simulation import make_pose, rest_pose
 
 JOINTS = skeleton_joints(SPORT_SKELETON)
 NUMBER = skeleton_number(JOINTS)
@@ -49,6 +49,15 @@ def receiver(addon: ModuleType) -> Iterator[Any]:
     found = addon.Receiver("127.0.0.1", 0)
     yield found
     found.close()
+
+
+@pytest.fixture
+def link(receiver: Any) -> Iterator[LiveLink]:
+    """A sender to that receiver."""
+    found = LiveLink(Messages(), address=Address(*receiver.address))
+    found.start()
+    yield found
+    found.stop()
 
 
 def drain(receiver: Any, count: int) -> list:
@@ -104,9 +113,7 @@ def test_damaged_skeletons_are_refused(addon: ModuleType) -> None:
             addon.decode(bytes(data))
 
 
-def test_poses_arrive_over_udp_in_order_and_losses_are_counted(receiver: Any) -> None:
-    link = LiveLink(Messages(), address=Address(*receiver.address))
-    link.start()
+def test_poses_arrive_over_udp_in_order_and_losses_are_counted(link: LiveLink, receiver: Any) -> None:
     poses = [some_pose(seed) for seed in range(60)]
     for pose in poses:
         link.publish([pose])
@@ -122,7 +129,6 @@ def test_poses_arrive_over_udp_in_order_and_losses_are_counted(receiver: Any) ->
     link.publish(poses[:1])
     drain(receiver, 81)
     assert receiver.lost == 20
-    link.stop()
 
 
 def test_a_flood_does_not_hold_a_receiver_up(addon: ModuleType, receiver: Any) -> None:
@@ -161,14 +167,11 @@ def test_a_receiver_that_comes_later_learns_the_skeleton_within_a_second(receive
     link.stop()
 
 
-def test_time_is_that_of_the_motion_however_late_the_frames_are(receiver: Any) -> None:
-    link = LiveLink(Messages(), address=Address(*receiver.address))
-    link.start()
+def test_time_is_that_of_the_motion_however_late_the_frames_are(link: LiveLink, receiver: Any) -> None:
     link.publish([some_pose(k) for k in range(3)])
     link.publish([some_pose(3)], 0.25)  # of a take that plays at the rate of the display
     link.publish([some_pose(4)])
     assert [round(p.seconds, 4) for p in drain(receiver, 5)] == [0.0, 0.0167, 0.0333, 0.05, 0.3]
-    link.stop()
 
 
 def test_a_network_that_fails_ends_the_link_with_a_message() -> None:
@@ -212,10 +215,7 @@ def test_the_viewer_sends_every_step_and_the_pose_of_playback(start: Start, rece
     found = drain(receiver, 30)
     assert len(found) == 30
     assert np.allclose(found[-1].position, app.scene.simulation.current.hips_position)
-    app.takes.toggle_recording()
-    run(app, 20)
-    app.takes.toggle_recording()
-    app.takes.play(1)
+    do(app, "stand 20; play 1")
     drain(receiver, 50)
     run(app, 10)
     shown = drain(receiver, 60)
@@ -232,14 +232,9 @@ def test_what_the_file_prints_without_blender(addon: ModuleType, capsys: pytest.
     assert addon.parse_address("10.0.0.2") == ("10.0.0.2", 9763)
 
 
-def test_standing_is_sent_too_on_a_ground_of_its_own_height(receiver: Any) -> None:
+def test_standing_is_sent_too_on_a_ground_of_its_own_height(link: LiveLink, receiver: Any) -> None:
     """The position is that of the hips in the world, metres, Y up."""
-    link = LiveLink(Messages(), address=Address(*receiver.address))
-    link.start()
-    from viewer.scene.simulation import rest_pose
-
     link.publish([rest_pose(Terrain.flat(), 2.0, -3.0)])
     (pose,) = drain(receiver, 1)
     assert pose.position[::2] == (2.0, -3.0)
     assert 0.9 < pose.position[1] < 1.1
-    link.stop()

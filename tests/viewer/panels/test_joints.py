@@ -10,7 +10,7 @@ from runtime.character.character import load_character
 from runtime.character.guess import JointsUnknown
 from runtime.character.joint_map import joint_map_path
 from runtime.character.writer import write_character
-from tests.helpers.app_driver import Start, click_on, drawn, message, press, run
+from tests.helpers.app_driver import Start, click_on, do, drawn, message, press, run
 from tests.helpers.gltf_characters import user_character
 from tests.helpers.odd_rigs import PLAIN, write_odd
 from viewer.app import App
@@ -55,8 +55,7 @@ def test_joints_chosen_from_the_lists_are_kept_and_used_again(start: Start, tmp_
     assert app.scene.joints.plays("Hips") == "a"
     for joint, name in BY_HAND.items():
         app.scene.joints.choose(joint, name)
-    run(app, 2)
-    click_on(app, "##apply joints")
+    do(app, "run 2; click ##apply joints")
     assert not app.scene.joints.open
     assert app.scene.character_path == path
     kept = json.loads(joint_map_path(path).read_text(encoding="utf-8"))
@@ -81,8 +80,7 @@ def test_a_joint_plays_one_part_and_guesses_come_back(start: Start, tmp_path: Pa
     assert joints.plays("Neck1") == ""
     joints.choose("Head", "")
     assert joints.missing == ["Head"]
-    run(app, 2)
-    click_on(app, "##guess all")
+    do(app, "run 2; click ##guess all")
     assert joints.plays("Neck1") == neck
     assert not joints.missing
     press(app, "escape")
@@ -105,9 +103,7 @@ def test_a_vrm_is_dropped_chosen_in_the_dialog_and_given_to_the_command(start: S
     app.open_files([path])
     assert app.scene.character_path == path
     app.scene.open_character(None)
-    run(app, 2)
-    click_on(app, "Files, body, links")
-    click_on(app, "##browse file")
+    do(app, "run 2; click Files, body, links; click ##browse file")
     question = app.sessions.dialogs.question
     assert "*.vrm" in question.filters[1].split()
     question.done(path)

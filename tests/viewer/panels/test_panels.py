@@ -11,6 +11,7 @@ from tests.helpers.app_driver import (
     Start,
     click,
     click_on,
+    do,
     drawn,
     export_bvh,
     hold,
@@ -41,14 +42,11 @@ def labels(app: App) -> str:
 
 def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
-    run(app, 3)
-    record(app)
+    do(app, "run 3; record")
     x, y = place(app, "row")
     click(app, x, y)
     click(app, x, y)  # twice within the time of a double click
-    run(app, 3)
-    type_in(app, "A proud walk")
-    press(app, "enter")
+    do(app, "run 3; type A proud walk; key enter")
     assert titles(app) == ["A proud walk"]
     export_bvh(app)
     assert (tmp_path / "a-proud-walk.bvh").is_file()
@@ -90,10 +88,7 @@ def test_the_newest_take_is_in_view(start: Start, height: int) -> None:
 def test_every_take_is_exported_at_once_and_no_file_is_replaced(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
     (tmp_path / "take-1.bvh").write_text("of somebody else", encoding="utf-8")
-    record(app)
-    record(app)
-    run(app, 2)
-    click_on(app, "##export all")
+    do(app, "record; record; run 2; click ##export all")
     names = ["take-1-2.bvh", "take-1.bvh", "take-2.bvh"]
     assert sorted(path.name for path in tmp_path.glob("*.bvh")) == names
     assert "Saved 2 takes" in said(app)
@@ -104,10 +99,7 @@ def test_every_take_is_exported_at_once_and_no_file_is_replaced(app: App, tmp_pa
 def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size: tuple[int, int]) -> None:
     app = start(width=size[0], height=size[1])
     app.settings.export_folder = str(tmp_path)
-    record(app, 40)
-    press(app, "ctrl", "e")
-    click_on(app, "##export now")
-    run(app, 5)
+    do(app, "record 40; key ctrl+e; click ##export now; run 5")
     exports = app.exporting
     assert exports.report_good, exports.report
     window, size_y = imgui.internal.find_window_by_name("Export##overlay"), imgui.get_io().display_size.y
@@ -117,13 +109,11 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
 
 def test_the_export_window_writes_what_the_command_writes(app: App, tmp_path: Path) -> None:
     app.settings.export_folder = str(tmp_path)
-    record(app, 40)
-    click_on(app, "##more formats")
+    do(app, "record 40; click ##more formats")
     exports = app.exporting
     app.exporting.choose_format(".bvh")
     exports.choose(fps=30.0, rest_frame=True, ground=".obj")
-    run(app, 3)
-    click_on(app, "##export now")
+    do(app, "run 3; click ##export now")
     assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
     assert (tmp_path / "take-1-ground.obj").is_file()
     assert "21 frames at 30 fps" in app.exporting.report
@@ -142,11 +132,9 @@ def test_settings_are_chosen_in_a_window(app: App, tmp_path: Path) -> None:
     settings = app.settings
     click_on(app, "Invert look")
     assert settings.invert_look
-    click_on(app, "##ui scale")
-    click_on(app, "150 %")
+    do(app, "click ##ui scale; click 150 %")
     assert settings.ui_scale == app.window.ui_scale == 1.5
-    click_on(app, "##text size")
-    click_on(app, "Large")
+    do(app, "click ##text size; click Large")
     assert imgui.get_style().font_scale_main == pytest.approx(1.15)
     click_on(app, "Back to the defaults")
     assert (settings.ui_scale, settings.text_size, settings.invert_look) == (0.0, 1.0, False)
@@ -172,12 +160,10 @@ def test_the_first_minute_ticks_itself_off_and_does_not_come_back(app: App, tmp_
     guide.begin()
     hold(app, "w", 70)
     assert guide.is_done(0)
-    app.prompting.submit_prompt("a proud king")
-    run(app, 2)
+    do(app, "prompt a proud king; run 2")
     app.prompting.parts["left_arm"] = "the left arm hangs"
     app.prompting.submit_part("left_arm")
-    run(app, 2)
-    record(app)
+    do(app, "run 2; record")
     assert [guide.is_done(step) for step in range(len(STEPS))] == [True, True, True, True, False]
     export_bvh(app)
     assert guide.is_done(4)
@@ -186,8 +172,7 @@ def test_the_first_minute_ticks_itself_off_and_does_not_come_back(app: App, tmp_
     assert not guide.shown
     assert app.settings.first_minute_seen
     guide.begin()
-    run(app, 2)
-    click_on(app, "##guide")
+    do(app, "run 2; click ##guide")
     assert not guide.shown
 
 
@@ -268,34 +253,25 @@ def test_takes_are_rated_noted_searched_sorted_and_exported_as_found(start: Star
     for number in range(7):
         record(app, 4 + number)
     assert "##search takes" not in dict(drawn(app))
-    record(app, 4)
-    run(app, 3)
-    click_on(app, "Files, body, links")
+    do(app, "record 4; run 3; click Files, body, links")
     window = next(w for w in imgui.get_current_context().windows if "take list" in w.name)
     rows = [box for label, box in drawn(app) if label == "row"]
     whole = [b for b in rows if b[1] >= window.pos.y and b[3] <= window.pos.y + window.size.y + 1]
     assert len(whole) >= 4
-    click_on(app, "##take menu", index=6)
-    click_on(app, "Rating")
+    do(app, "click ##take menu @6; click Rating")
     click_on(app, ICON.star * 4)
     assert app.editor.session.takes[6].rating == 4
     assert app.editor.undo_label == "rating of a take"
-    click_on(app, "##take menu", index=5)
-    click_on(app, "Note")
-    type_in(app, "for the queen")
-    press(app, "enter")
+    do(app, "click ##take menu @5; click Note; type for the queen; key enter")
     assert app.editor.session.takes[5].note == "for the queen"
-    click_on(app, "##order of takes")
-    click_on(app, "By rating")
+    do(app, "click ##order of takes; click By rating")
     assert app.takes.found[0].title == "Take 7"
     for text, found in (("***", ["Take 7"]), ("*****", []), ("QUEEN", ["Take 6"])):
-        click_on(app, "##search takes")
-        press(app, "ctrl", "a")
+        do(app, "click ##search takes; key ctrl+a")
         type_in(app, text)
         assert [take.title for take in app.takes.found] == found
         assert len([label for label, _ in drawn(app) if label == "row"]) == len(found)
-    press(app, "enter")
-    click_on(app, "##export all")
+    do(app, "key enter; click ##export all")
     assert [path.name for path in tmp_path.glob("*.bvh")] == ["take-6.bvh"]
 
 
@@ -304,13 +280,11 @@ def test_recordings_are_numbered_by_themselves_and_the_folder_stays_under_home(
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     app = start()
-    record(app)
-    app.takes.mirror(1)
+    do(app, "record; mirror 1")
     export_bvh(app)
     record(app)
     assert titles(app)[-1] == "Take 2"
-    app.editor.undo()
-    record(app)
+    do(app, "undo; record")
     assert titles(app)[-1] == "Take 2"
     app.takes.remove(app.editor.session.takes[-1].number)
     record(app)

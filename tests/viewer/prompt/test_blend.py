@@ -8,6 +8,7 @@ from tests.helpers.app_driver import (
     Start,
     click_on,
     controller,
+    do,
     drawn,
     place,
     point,
@@ -15,7 +16,6 @@ from tests.helpers.app_driver import (
     run,
     style,
     texts,
-    type_in,
     words,
 )
 from tests.helpers.viewer_fakes import FakeEncoder, FakeLibrary
@@ -59,8 +59,7 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     assert np.allclose(style(app), blended, atol=1e-4)
     assert (app.prompting.boxes[Side.A].text, app.prompting.boxes[Side.B].text) == ("a duck", "a proud king")
     assert words(app)["torso"] == app.prompting.parts["torso"] == "torso of a duck"
-    press(app, "ctrl", "z")
-    press(app, "ctrl", "z")
+    do(app, "key ctrl+z; key ctrl+z")
     assert app.editor.session.live.prompt.weights == (0.5,) * 6
     press(app, "ctrl", "z")
     assert (app.editor.session.live.prompt.b, app.prompting.boxes[Side.B].text) == (None, "")
@@ -74,11 +73,7 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
 
 def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     app = start(prompt="a proud king")
-    run(app, 3)
-    click_on(app, "Blend")
-    click_on(app, "##prompt B")
-    type_in(app, "a duck")
-    press(app, "enter")
+    do(app, "run 3; click Blend; click ##prompt B; type a duck; key enter")
     assert app.editor.session.live.prompt.b.prompt == "a duck"
     assert app.editor.undo_label == "prompt B “a duck”"
     left, y = place(app, "##all")
@@ -108,17 +103,14 @@ def test_an_emptied_prompt_b_ends_the_blend(start: Start) -> None:
         app.prompting.submit_prompt("a duck", Side.B)
         run(app, 2)
         assert app.editor.session.live.prompt.blended
-        click_on(app, "##prompt B")
-        press(app, "ctrl", "a")
-        press(app, "backspace")
+        do(app, "click ##prompt B; key ctrl+a; key backspace")
         assert app.editor.session.live.prompt.blended  # while it is typed into
         leave()
         run(app, 2)
         assert app.editor.session.live.prompt.b is None
         assert app.editor.undo_label == "end of the blend"
         assert np.array_equal(style(app), king)
-        press(app, "escape")
-        press(app, "escape")
+        do(app, "key escape; key escape")
     press(app, "ctrl", "z")
     assert app.prompting.boxes[Side.B].text == "a duck"
     assert app.editor.session.live.prompt.weights == (0.5,) * 6

@@ -13,6 +13,7 @@ from tests.helpers.app_driver import (
     click_on,
     click_prompt_box,
     controller,
+    do,
     message,
     press,
     prompt,
@@ -51,8 +52,7 @@ def test_a_prompt_that_cannot_be_used_keeps_the_style(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app)
     styles = len(controller(app).styles)
-    app.prompting.submit_prompt("   ")
-    run(app)
+    do(app, "prompt    ; run 1")
     assert "empty" in message(app)
     assert prompt(app) == "a proud king"
     assert len(controller(app).styles) == styles
@@ -126,14 +126,12 @@ def test_a_field_is_applied_when_it_is_left(app: App) -> None:
 # --- undo
 def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
     app = start(prompt="a proud king")
-    run(app)
-    app.prompting.submit_prompt("a duck")
+    do(app, "run 1; prompt a duck")
     type_prompt(app, "goose")
     press(app, "ctrl", "z")
     assert prompt(app) == "a duck"  # the field's own undo
     assert typing(app)
-    press(app, "escape")
-    press(app, "escape")
+    do(app, "key escape; key escape")
     click_prompt_box(app)
     press(app, "ctrl", "z")  # nothing was typed
     run(app)
@@ -142,8 +140,7 @@ def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
 
 def test_words_typed_since_survive_an_undo(start: Start) -> None:
     app = start(prompt="a proud king")
-    run(app)
-    app.prompting.submit_prompt("a duck")
+    do(app, "run 1; prompt a duck")
     app.prompting.boxes[Side.A].text = "a duck that"
     app.editor.undo()
     assert (prompt(app), app.prompting.boxes[Side.A].text) == ("a proud king", "a duck that")

@@ -7,6 +7,7 @@ from tests.helpers.app_driver import (
     Start,
     click_on,
     controller,
+    do,
     press,
     prompt,
     run,
@@ -29,9 +30,7 @@ def test_suggestions_show_while_typing_and_are_taken_by_keys(app: App) -> None:
     found = [s.text for s in app.prompt.suggester.suggestions(box)]
     # begins so, has a word that begins so, means the like
     assert found == ["proud peacock", "a proud king", "waddling duck", "goose step"]
-    press(app, "down")
-    press(app, "down")
-    press(app, "up")
+    do(app, "key down; key down; key up")
     assert box.picked == 0
     press(app, "tab")
     assert (box.text, box.suggesting, typing(app)) == ("proud peacock", False, True)
@@ -44,9 +43,7 @@ def test_suggestions_show_while_typing_and_are_taken_by_keys(app: App) -> None:
 
 def test_enter_on_a_suggestion_asks_for_it(app: App) -> None:
     type_prompt(app, "king")
-    press(app, "down")
-    press(app, "down")
-    press(app, "enter")
+    do(app, "key down; key down; key enter")
     assert prompt(app) == "an old king"
     assert app.prompting.boxes[Side.A].text == "an old king"
     assert not typing(app)

@@ -6,7 +6,7 @@ from runtime.assets import asset_path, character_file
 from runtime.character.character import load_character
 from runtime.formats.glb import MANNEQUIN
 from runtime.skeleton import PART_NAMES
-from tests.helpers.app_driver import Start, click_on, run
+from tests.helpers.app_driver import Start, click_on, do
 from tests.helpers.gltf_characters import user_character
 from viewer.render.looks import dressed, part_of_vertices
 from viewer.services import load_character as load_character_file
@@ -27,8 +27,7 @@ def test_a_character_is_chosen_in_the_window_and_taken_back(start: Start) -> Non
     assert (app.scene.character_name, app.scene.character_path) == ("walker", character_file("walker"))
     click_on(app, "##mannequin")
     assert app.scene.character_name == "mannequin"
-    app.editor.undo()
-    run(app, 3)
+    do(app, "undo; run 3")
     assert app.scene.character_name == "walker"
     assert app.scene.character_path.read_bytes() == character_file("walker").read_bytes()
 
@@ -48,6 +47,5 @@ def test_a_look_is_chosen_and_kept(start: Start, monkeypatch: pytest.MonkeyPatch
     shown = []
     monkeypatch.setattr("viewer.scene.scene.dressed", lambda character, look: shown.append(look) or character)
     app = start()
-    click_on(app, "Files, body, links")
-    click_on(app, "##parts")
+    do(app, "click Files, body, links; click ##parts")
     assert app.settings.look == shown[-1] == "parts"

@@ -44,9 +44,24 @@ def body() -> CapsuleBody:
 
 
 @pytest.fixture
-def render(target: OffscreenTarget, body: CapsuleBody) -> Iterator[Render]:
+def renderer(target: OffscreenTarget, body: CapsuleBody) -> Iterator[Callable[..., Renderer]]:
+    """Renderers of that body, released at the end."""
+    made: list[Renderer] = []
+
+    def make(quality: Quality = SOFTWARE, terrain: Terrain | None = None) -> Renderer:
+        made.append(Renderer(target.ctx, quality))
+        made[-1].set_terrain(terrain or Terrain.flat())
+        made[-1].set_character(body)
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.release()
+
+
+@pytest.fixture
+def render(target: OffscreenTarget, renderer: Callable[..., Renderer]) -> Render:
     """Draw one picture of a terrain and a pose, by default a step on level ground."""
-    renderers: list[Renderer] = []
 
     def draw(
         terrain: Terrain | None = None,
@@ -58,19 +73,13 @@ def render(target: OffscreenTarget, body: CapsuleBody) -> Iterator[Render]:
         distance: float = 3.6,
     ) -> Picture:
         ground = terrain or Terrain.flat()
-        renderer = Renderer(target.ctx, quality)
-        renderers.append(renderer)
-        renderer.set_terrain(ground)
-        renderer.set_character(body)
         shown = walking_pose(ground) if pose is True else pose or None
         camera = OrbitCamera((0.0, float(ground.height(0, 0)) + 0.85, 0.0), yaw, pitch, distance)
-        renderer.render(target.framebuffer, camera, shown, overlays or Overlays())
+        renderer(quality, ground).render(target.framebuffer, camera, shown, overlays or Overlays())
         assert target.ctx.error == "GL_NO_ERROR"
         return target.read()
 
-    yield draw
-    for renderer in renderers:
-        renderer.release()
+    return draw
 
 
 def trajectory(terrain: Terrain) -> TrajectoryOverlay:
@@ -189,18 +198,15 @@ def test_each_overlay_is_drawn(render: Render, name: str) -> None:
     assert (changed > 40).sum() > 30
 
 
-def test_overlays_leave_the_next_frame_alone(target: OffscreenTarget, body: CapsuleBody) -> None:
-    terrain = hills()
-    renderer = Renderer(target.ctx, SOFTWARE)
-    renderer.set_terrain(terrain)
-    renderer.set_character(body)
-    pose, camera = walking_pose(terrain), OrbitCamera()
-    pictures = []
+def test_overlays_leave_the_next_frame_alone(
+    target: OffscreenTarget, renderer: Callable[..., Renderer]
+) -> None:
+    terrain, pictures = hills(), []
+    drawer, pose, camera = renderer(SOFTWARE, terrain), walking_pose(terrain), OrbitCamera()
     busy = replace(everything(terrain), ghosts=[pose], extra_poses=[pose])
     for overlays in (Overlays(), busy, Overlays()):
-        renderer.render(target.framebuffer, camera, pose, overlays)
+        drawer.render(target.framebuffer, camera, pose, overlays)
         pictures.append(target.read())
-    renderer.release()
     np.testing.assert_array_equal(pictures[0], pictures[2])
 
 
@@ -218,20 +224,19 @@ def test_scale_and_samples_change_edges_only(render: Render) -> None:
         assert difference.mean() < 6
 
 
-def test_a_target_with_depth_and_another_size_each_frame(target: OffscreenTarget, body: CapsuleBody) -> None:
-    renderer = Renderer(target.ctx, SMALL_HIGH)
-    renderer.set_terrain(Terrain.flat())
-    renderer.set_character(body)
+def test_a_target_with_depth_and_another_size_each_frame(
+    target: OffscreenTarget, renderer: Callable[..., Renderer]
+) -> None:
+    drawer = renderer(SMALL_HIGH)
     for size in ((64, 48), (101, 37), (1, 1)):
         color, depth = target.ctx.texture(size, 4), target.ctx.depth_renderbuffer(size)
         framebuffer = target.ctx.framebuffer([color], depth)
-        renderer.render(framebuffer, OrbitCamera(), walking_pose(Terrain.flat()), Overlays())
+        drawer.render(framebuffer, OrbitCamera(), walking_pose(Terrain.flat()), Overlays())
         assert target.ctx.error == "GL_NO_ERROR"
         assert max(framebuffer.read(components=3, alignment=1)) > 100
         target.framebuffer.use()
         for part in (framebuffer, color, depth):
             part.release()
-    renderer.release()
 
 
 def test_without_terrain_and_character_there_is_sky(target: OffscreenTarget) -> None:
@@ -241,25 +246,23 @@ def test_without_terrain_and_character_there_is_sky(target: OffscreenTarget) -> 
     renderer.release()
 
 
-def test_a_large_terrain_is_drawn_wherever_the_focus_is(target: OffscreenTarget) -> None:
-    n = 1400
-    terrain = Terrain("large", np.zeros((n + 1, n + 1), np.float32), 0.05, (0.0, 0.0))
-    renderer = Renderer(target.ctx, SOFTWARE)
-    renderer.set_terrain(terrain)
-    pictures = []
+def test_a_large_terrain_is_drawn_wherever_the_focus_is(
+    target: OffscreenTarget, renderer: Callable[..., Renderer]
+) -> None:
+    terrain = Terrain("large", np.zeros((1401, 1401), np.float32), 0.05, (0.0, 0.0))
+    drawer, pictures = renderer(SOFTWARE, terrain), []
     for x, z in ((20.0, 20.0), (55.0, 45.0)):  # the same place of the grid
         camera = OrbitCamera((x, 0.9, z), 0.4, 0.4, 5.0)
-        renderer.render(target.framebuffer, camera, None, Overlays())
+        drawer.render(target.framebuffer, camera, None, Overlays())
         pictures.append(target.read().astype(int))
-    renderer.release()
     assert np.abs(pictures[0] - pictures[1]).mean() < 1.0
 
 
-def test_too_many_joints_are_refused_with_a_remedy(target: OffscreenTarget, body: CapsuleBody) -> None:
-    renderer = Renderer(target.ctx, SOFTWARE)
+def test_too_many_joints_are_refused_with_a_remedy(
+    renderer: Callable[..., Renderer], body: CapsuleBody
+) -> None:
     with pytest.raises(FileError, match="300 joints, expected at most 256"):
-        renderer.set_character(replace(body, joint_indices=np.full_like(body.joint_indices, 299)))
-    renderer.release()
+        renderer().set_character(replace(body, joint_indices=np.full_like(body.joint_indices, 299)))
 
 
 def test_large_windows_are_rendered_smaller_in_software() -> None:

@@ -8,7 +8,7 @@ import pytest
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, make_terrain
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, click_on, controller, point, press, run
+from tests.helpers.app_driver import Start, click_on, controller, do, point, press, run
 from viewer.app import App
 from viewer.scene.camera_control import VIEWS, CameraControl, start_yaw
 
@@ -113,8 +113,7 @@ def test_home_turns_character_and_camera_to_the_obstacles(start: Start) -> None:
     run(app, 2)
     app.scene.camera.drag(400.0, 0.0, False, 720)
     controller(app).yaw = 2.0
-    run(app)
-    press(app, "home")
+    do(app, "run 1; key home")
     assert app.scene.simulation.current.root_yaw == pytest.approx(0.0)
     assert app.scene.camera.current.heading == pytest.approx(0.0)
     assert np.abs(shown_at(app, np.array([0.0, 0.4, 6.0]))).max() < 1.0  # the beam

@@ -10,9 +10,8 @@ import pytest
 from runtime.session.prompt_blend import Side
 from runtime.traversal.traversal import KINDS
 from tests.helpers import hand
-from tests.helpers.app_driver import Start, controller, message, run
+from tests.helpers.app_driver import Start, controller, message, run, texts, type_key
 from viewer.app import App
-from viewer.gl_bindings import imgui
 from viewer.input.gamepad import GamepadState
 from viewer.scene.simulation import TRAVERSALS
 
@@ -63,14 +62,11 @@ def test_stick_moves_relative_to_the_camera(start: Start) -> None:
 
 def test_keys_that_follow_enter_at_once_are_words(app: App) -> None:
     """On a slow machine a whole word arrives within two frames."""
-    press_down = app.window.inject_key
-    press_down("enter", True)
-    press_down("enter", False)
+    app.window.inject_key("enter", True)
+    app.window.inject_key("enter", False)
     run(app, 2)
     for letter in "drunk":
-        press_down(letter, True)
-        hand.text(app.window, letter)
-        press_down(letter, False)
+        type_key(app, letter)
         run(app)
     run(app, 3)
     assert not app.takes.recording
@@ -105,17 +101,10 @@ def test_the_status_line_says_what_is_keyed_over_an_obstacle(start: Start) -> No
     assert set(TRAVERSALS) == set(KINDS) - {""}
     app = start()
     run(app, 2)
-    shown: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        real = imgui.text_unformatted
-        patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
-        controller(app).traversal = "gap"
-        run(app)
-        assert any("keyed: leap over a gap" in text for text in shown)
-        shown.clear()
-        controller(app).traversal = ""
-        run(app)
-    assert not any("keyed" in text for text in shown)
+    controller(app).traversal = "gap"
+    assert any("keyed: leap over a gap" in text for text in texts(app))
+    controller(app).traversal = ""
+    assert not any("keyed" in text for text in texts(app))
 
 
 def test_the_status_line_says_why_the_character_does_not_go_on(app: App) -> None:

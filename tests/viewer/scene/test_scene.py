@@ -12,7 +12,7 @@ from runtime.character.writer import write_character
 from runtime.controls import Controls
 from runtime.errors import SportError
 from runtime.terrain.files import write_height_png
-from tests.helpers.app_driver import InjectedPads, Start, controller, message, record, run
+from tests.helpers.app_driver import InjectedPads, Start, controller, do, message, record, run
 from tests.helpers.gltf_characters import user_character
 from tests.helpers.viewer_fakes import FakeRenderer, fake_services
 from viewer.app import App
@@ -33,20 +33,15 @@ def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(app: App) -> No
         assert app.scene.loading == ""
 
 
-def test_offscreen_a_wrong_option_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(SportError, match="moon"):
-        App(ViewOptions(offscreen=True, terrain="moon"), fake_services(), InjectedPads(), tmp_path)
-
-
-def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> None:
-    options = ViewOptions(offscreen=True, terrain="flat", prompt=" ")
-    with pytest.raises(SportError, match="empty"):
+@pytest.mark.parametrize(("option", "said"), [({"terrain": "moon"}, "moon"), ({"prompt": " "}, "empty")])
+def test_offscreen_a_wrong_option_is_an_error(option: dict[str, str], said: str, tmp_path: Path) -> None:
+    options = ViewOptions(**{"offscreen": True, "terrain": "flat", **option})
+    with pytest.raises(SportError, match=said):
         App(options, fake_services(), InjectedPads(), tmp_path)
 
 
 def test_terrain_reaches_model_and_renderer(app: App) -> None:
-    app.scene.load_terrain("stairs")
-    run(app)
+    do(app, "ground stairs; run 1")
     renderer = app.scene.renderer
     assert isinstance(renderer, FakeRenderer)
     assert controller(app).terrain is app.scene.terrain is renderer.terrain
@@ -201,11 +196,7 @@ def test_grounds_of_files_are_in_the_list_and_undo_takes_a_choice_from_the_next_
 
 
 def test_another_ground_ends_the_take_that_plays(app: App) -> None:
-    record(app, 30)
-    app.takes.play(1)
-    run(app, 2)
-    app.scene.load_terrain("hills")
-    run(app, 2)
+    do(app, "record 30; play 1; run 2; ground hills; run 2")
     assert app.takes.playback is None
     assert app.takes.ground_to_show().terrain is app.scene.terrain
 

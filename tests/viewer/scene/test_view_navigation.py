@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.takes.pins import Pinned
-from tests.helpers.app_driver import Start, click_on, point, press, run, wheel
+from tests.helpers.app_driver import Start, click_on, do, point, press, run, wheel
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
@@ -89,28 +89,24 @@ def test_the_wheel_zooms_at_the_pointer(start: Start, steps: float) -> None:
     app = start(camera="orbit", panels=False)
     run(app, 60)
     size = imgui.get_io().display_size
-    point = app.scene.simulation.current.positions[-1]
+    joint = app.scene.simulation.current.positions[-1]
     camera = app.scene.camera.current
-    depth = camera.view_matrix().astype(float) @ np.append(point, 1.0)
+    depth = camera.view_matrix().astype(float) @ np.append(joint, 1.0)
     target = camera.view_matrix().astype(float) @ np.append(camera.target, 1.0)
-    point = point + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
-    at = on_screen(camera, point, size)
+    joint = joint + (depth[2] - target[2]) * -camera.view_matrix()[2, :3]  # as far away as the target
+    at = on_screen(camera, joint, size)
     assert at is not None
     point(app, *at)
     before = camera.distance
     wheel(app, steps)
     assert (camera.distance < before) == (steps > 0)
-    assert on_screen(camera, point, size) == pytest.approx(at, abs=3.0)
+    assert on_screen(camera, joint, size) == pytest.approx(at, abs=3.0)
 
 
 def test_f_frames_the_selected_pin_and_0_the_character(app: App) -> None:
-    app.takes.toggle_recording()
-    run(app, 30)
-    app.takes.toggle_recording()
-    app.takes.play(1)
+    do(app, "stand 30; play 1")
     app.pins.add(Pinned.LEFT_HAND)
-    run(app, 2)
-    press(app, "f")
+    do(app, "run 2; key f")
     assert app.scene.camera.mode == "orbit"
     assert app.scene.camera.current.target == pytest.approx(app.pins.place, abs=0.02)
     press(app, "0")

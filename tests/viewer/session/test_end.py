@@ -16,7 +16,7 @@ from runtime.session import database, library
 from runtime.session.database import Database
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import lock_of
-from tests.helpers.app_driver import Start, run
+from tests.helpers.app_driver import Start, record_standing, run
 from tests.helpers.viewer_fakes import fake_services
 from viewer import app as app_module
 from viewer import process, workspace
@@ -61,9 +61,7 @@ def test_the_program_ends_in_time_and_the_next_start_has_the_take(
     ends = [(database, "HAND_OVER_S", 30.0)] if disk else []
     for module, name, seconds in ends or [(app_module, "END_S", 30.0), (app_module, "SESSION_S", 29.8)]:
         monkeypatch.setattr(module, name, seconds)
-    app.takes.toggle_recording()
-    run(app, 20)
-    app.takes.toggle_recording()
+    record_standing(app, 20)
     app.editor.file.flush(10.0)
     if disk:
         monkeypatch.setattr(Database, "_keep_there", full if what == "no room" else late)

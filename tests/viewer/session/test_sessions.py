@@ -26,8 +26,8 @@ from runtime.terrain.files import write_height_png
 from tests.helpers.app_driver import (
     Start,
     click_on,
+    do,
     drawn,
-    press,
     prompt,
     record,
     run,
@@ -75,20 +75,14 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
     write_character(tmp_path / "me.glb", user_character())
     app = start()
     app.open_files([tmp_path / "dunes.png", tmp_path / "me.glb"])
-    app.prompting.submit_prompt("a proud king")
-    run(app, 2)
-    record(app)
-    record(app, 40)
+    do(app, "prompt a proud king; run 2; record; record 40")
     app.takes.rename(2, "long walk")
     app.takes.play(2)
     app.takes.playback.seek(20)  # type: ignore[union-attr]
     app.editing.insert_prompt("an old king")
     app.takes.trim(5, 30)
     app.camera_keys.add()
-    app.takes.close_playback()
-    app.takes.mirror(1)
-    app.takes.close_playback()
-    app.editor.undo()
+    do(app, "close; mirror 1; close; undo")
     app.sessions.save_as(tmp_path / "walks")
     assert said(app) == f"Saved {tmp_path / 'walks.sport'}."
     assert app.sessions.name == "walks"
@@ -148,8 +142,7 @@ def test_each_take_is_in_the_session_in_which_it_was_recorded(start: Start, tmp_
 
 
 def test_a_camera_key_is_dragged_past_another_one_and_never_onto_it(app: App) -> None:
-    record(app, 60)
-    app.takes.play(1)
+    do(app, "record 60; play 1")
     playback = app.takes.playback
     assert playback is not None
     for frame in (10, 20, 30):
@@ -287,12 +280,9 @@ def test_a_session_that_was_cut_off_while_recording_is_one_offer(
         assert app.editor.undo_label == "recovery of Take 2"
         assert 30 <= app.editor.session.takes[1].frames <= 41
         assert app.editor.session.takes[1].made.header.resimulable
-        app.takes.play(2)
-        app.editing.insert_prompt("an old king")
-        run(app, 2)
+        do(app, "play 2; insert an old king; run 2")
         assert app.editor.session.takes[1].made.clip.prompts[-1].prompt == "an old king"
-        app.editor.undo()
-        app.editor.undo()
+        do(app, "undo; undo")
         assert titles(app) == ["Take 1"]
     assert not {"Reopen", "Discard"} & set(labels(app))
 
@@ -334,8 +324,7 @@ def test_a_take_that_left_the_history_can_be_had_back_with_its_edits(app: App) -
     for number in range(205):
         app.editor.do("edit", lambda session, n=number: replace(session, counter=10 + n))  # type: ignore[misc]
     assert app.editor.file.flush(20.0)
-    click_on(app, "##session")
-    click_on(app, "##lost")
+    do(app, "click ##session; click ##lost")
     (label,) = [label for label, _ in drawn(app) if label.startswith("Take 1, ")]
     click_on(app, label.partition("##")[0])
     assert titles(app) == ["gone"]
@@ -426,8 +415,7 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
 ) -> None:
     path = tmp_path / "a.sport"
     app = start()
-    record(app)
-    record(app)
+    do(app, "record; record")
     app.sessions.save_as(path)
     app.close()
     with closing(sqlite3.connect(path)) as connection, connection:
@@ -448,8 +436,7 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
         use()
         run(app, 3)
     assert any("a.sport: " in message.text for message in app.messages.recent)
-    app.takes.play(2)
-    run(app, 3)
+    do(app, "play 2; run 3")
     assert app.takes.playback.number == 2
     app.references.show(1)
     run(app, 3)
@@ -462,8 +449,7 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
 # --- dialogs
 def test_without_a_dialog_program_the_path_is_typed(app: App, tmp_path: Path) -> None:
     app.sessions.dialogs.available = lambda: False
-    record(app)
-    press(app, "ctrl", "s")
+    do(app, "record; key ctrl+s")
     type_in(app, str(tmp_path / "typed"))
     click_on(app, "##dialog ok")
     assert (tmp_path / "typed.sport").is_file()
@@ -490,18 +476,11 @@ def test_a_systems_dialog_hands_over_its_answer(start: Start, tmp_path: Path) ->
 def test_a_take_plays_on_the_ground_that_it_was_made_on(app: App) -> None:
     record(app)
     flat = app.scene.terrain
-    app.scene.load_terrain("stairs")
-    record(app)
-    run(app, 2)
-    app.takes.play(1)
-    run(app)
+    do(app, "ground stairs; record; run 2; play 1; run 1")
     assert np.array_equal(app.scene.renderer.terrain.heights, flat.heights)
-    app.takes.play(2)
-    run(app)
+    do(app, "play 2; run 1")
     assert app.scene.renderer.terrain.name == "stairs"
-    app.takes.play(1)
-    app.takes.close_playback()
-    run(app)
+    do(app, "play 1; close; run 1")
     assert app.scene.renderer.terrain is app.scene.terrain
 
 
@@ -520,8 +499,7 @@ def test_a_name_that_is_no_text_kills_nothing(app: App, tmp_path: Path) -> None:
     app.scene.load_terrain(str(folder / os.fsdecode(b"\xfe.npy")))
     run(app, 2)
     app.sessions.save_as(folder / os.fsdecode(b"\xfd.sport"))
-    run(app, 2)
-    record(app)
+    do(app, "run 2; record")
     wanted = titles(app)
     path = app.editor.file.path
     assert path.parent == folder

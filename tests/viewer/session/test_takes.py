@@ -13,7 +13,7 @@ from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.motion.controller import TEMPERATURE
 from runtime.session.frames import HIPS_STEP_M
 from runtime.session.session_file import SessionFile
-from tests.helpers.app_driver import Start, click_on, export_bvh, message, run
+from tests.helpers.app_driver import Start, click_on, do, export_bvh, message, run
 from viewer.app import App
 from viewer.session.opening import open_file
 
@@ -57,14 +57,10 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
 ) -> None:
     app = start(terrain="hills")
     app.settings.blend_seconds = 0.4
-    run(app, 2)
-    app.prompting.submit_prompt("a proud king")
-    run(app, 2)
+    do(app, "run 2; prompt a proud king; run 2")
     app.takes.toggle_recording()
     app.window.inject_key("w", True)
-    run(app, 12)
-    app.prompting.submit_prompt("an old king")
-    run(app, 20)
+    do(app, "run 12; prompt an old king; run 20")
     app.takes.toggle_recording()
     app.window.inject_key("w", False)
     export_bvh(app, tmp_path / "walk.bvh")
@@ -149,8 +145,7 @@ def test_the_last_seconds_are_always_in_memory(app: App) -> None:
 
 def test_moving_leaves_the_playback_and_nothing_else_does(app: App) -> None:
     record(app)
-    app.takes.play(1)
-    run(app, 3)
+    do(app, "play 1; run 3")
     assert app.takes.playback is not None
     app.window.inject_key("w", True)
     run(app)

@@ -6,6 +6,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -53,12 +54,18 @@ def png(width: int, height: int, colour: int = 0, bits: int = 16) -> bytes:
 
 
 # --- nothing in a file is run
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """What Pillow is asked to open."""
+    asked: list[object] = []
+    monkeypatch.setattr(Image, "open", lambda *a, **k: asked.append(a))
+    return asked
+
+
 @pytest.mark.parametrize("embedded", [True, False])
 def test_a_texture_of_postscript_never_reaches_pillows_guess(
-    embedded: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    embedded: bool, tmp_path: Path, opened: list[object]
 ) -> None:
-    opened: list[object] = []
-    monkeypatch.setattr(Image, "open", lambda *a, **k: opened.append(a))
     script = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n(x) run\n"
     (tmp_path / "image.png").write_bytes(script)
     (tmp_path / "bad.glb").write_bytes(textured({"uri": "image.png"}, script if embedded else b""))
@@ -67,9 +74,7 @@ def test_a_texture_of_postscript_never_reaches_pillows_guess(
     assert opened == []
 
 
-def test_grounds_never_look_at_textures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    opened: list[object] = []
-    monkeypatch.setattr(Image, "open", lambda *a, **k: opened.append(a))
+def test_grounds_never_look_at_textures(tmp_path: Path, opened: list[object]) -> None:
     script = b"%!PS\n"
     (tmp_path / "image.png").write_bytes(script)
     (tmp_path / "ground.mtl").write_text("newmtl m\nmap_Kd image.png\n", encoding="utf-8")
@@ -118,16 +123,12 @@ def test_a_pipe_or_a_device_is_refused_at_once(case: str, tmp_path: Path) -> Non
 
 
 # --- bombs
-def bomb_bvh_of_1024_joints(path: Path) -> Callable[[], object]:
-    frames = 1_000_000
+def bomb_bvh_of_1024_joints(path: Path, frames: int = 1_000_000) -> Callable[[], object]:
     path.write_text(chain(1024, "Xposition") + MOTION.format(frames) + "0\n" * frames, encoding="utf-8")
     return lambda: read_bvh(path)
 
 
-def bomb_bvh_at_the_limit(path: Path) -> Callable[[], object]:
-    frames = MAX_JOINT_FRAMES // 1024
-    path.write_text(chain(1024, "Xposition") + MOTION.format(frames) + "0\n" * frames, encoding="utf-8")
-    return lambda: read_bvh(path)
+bomb_bvh_at_the_limit = partial(bomb_bvh_of_1024_joints, frames=MAX_JOINT_FRAMES // 1024)
 
 
 def bomb_glb_of_300_primitives(path: Path) -> Callable[[], object]:

@@ -54,16 +54,17 @@ def worm_bvh(folder: Path) -> Path:
     return folder / "worm.bvh"
 
 
-def damaged_png(folder: Path) -> Path:
-    data = asset_path("terrains/bowl.png").read_bytes()
-    (folder / "cut.png").write_bytes(data[: len(data) // 2])
-    return folder / "cut.png"
+def half_of(asset: str) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        data = asset_path(asset).read_bytes()
+        path = folder / f"cut{Path(asset).suffix}"
+        path.write_bytes(data[: len(data) // 2])
+        return path
+
+    return write
 
 
-def damaged_glb(folder: Path) -> Path:
-    data = asset_path("character/mannequin.glb").read_bytes()
-    (folder / "cut.glb").write_bytes(data[: len(data) // 2])
-    return folder / "cut.glb"
+damaged_png, damaged_glb = half_of("terrains/bowl.png"), half_of("character/mannequin.glb")
 
 
 def text_file(name: str) -> Callable[[Path], Path]:
@@ -133,21 +134,12 @@ def check_sentence(error: str, *words: str) -> None:
 
 
 MODELS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
-    "version": (
-        model_with(layout_version=99),
-        ("metadata.json", "layout_version", "99", "Export the model again"),
-    ),
+    "version": (model_with(layout_version=99), ("metadata.json", "layout_version", "99", "Export the model again")),
     "no version": (model_with(layout_version=None), ("metadata.json", "layout_version", "Export")),
-    "format": (
-        model_with(format="other"),
-        ("metadata.json", "not the metadata of a SPORT model", "another model"),
-    ),
+    "format": (model_with(format="other"), ("metadata.json", "not the metadata of a SPORT model", "another model")),
     "skeleton": (model_with(joints=["Hips"]), ("metadata.json", "'joints'", "Install")),
     "config": (model_with(config=[]), ("metadata.json", "'config'", "Install")),
-    "start": (
-        model_with(start={"output": [1.0], "phase": []}),
-        ("metadata.json", "'start.output'", "Install"),
-    ),
+    "start": (model_with(start={"output": [1.0], "phase": []}), ("metadata.json", "'start.output'", "Install")),
     "steps": (model_with(reverse_steps=[{}] * 3), (f"{STEP}.onnx", "'noise'", "Install")),
     "no graph": (model_with_graph("style", None), ("style.onnx", "No such file", "Install")),
     "damaged step": (flipped_bit(STEP), (f"{STEP}.onnx", "damaged", "Install")),
@@ -156,16 +148,31 @@ MODELS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
     "no network": (model_with_graph(STEP, b"hello", signed=True), (f"{STEP}.onnx", "onnxruntime", "Install")),
     "no prompt network": (model_with_graph("prompt", b"hello", signed=True), ("prompt.onnx", "Install")),
     "exchanged": (exchanged_graphs, (f"{STEP}.onnx", "expected x, noise", "Install")),
+}  # fmt: skip
+
+
+GROUNDS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
+    "damaged PNG": (damaged_png, ("cut.png", "not a readable PNG", "Save it again")),
+    "text as PNG": (text_file("map.png"), ("map.png", "not a readable PNG", "Save it again")),
+    "text as NPY": (text_file("map.npy"), ("map.npy", "not a readable NPY", "numpy.save")),
+    "text as mesh": (text_file("map.ply"), ("map.ply", "not a readable mesh", "Export the ground")),
 }
 
 
-@pytest.mark.parametrize("case", MODELS)
-def test_a_damaged_model_is_one_sentence(
-    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("option", "make", "words"),
+    [*(("--model", *case) for case in MODELS.values()), *(("--terrain", *case) for case in GROUNDS.values())],
+    ids=[*MODELS, *GROUNDS],
+)
+def test_a_damaged_model_or_ground_is_one_sentence(
+    option: str,
+    make: Callable[[Path], Path],
+    words: tuple[str, ...],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    make, words = MODELS[case]
     out = tmp_path / "out.bvh"
-    assert cli.main(["generate", "--model", str(make(tmp_path)), "--seconds", "0.1", "--out", str(out)]) == 2
+    assert cli.main(["generate", option, str(make(tmp_path)), "--seconds", "0.1", "--out", str(out)]) == 2
     check_sentence(capsys.readouterr().err, *words)
     assert not out.exists()
 
@@ -196,24 +203,6 @@ def test_a_mistake_is_one_sentence(case: str, tmp_path: Path, capsys: pytest.Cap
     assert code == 2
     check_sentence(capsys.readouterr().err.replace("sport generate: ", "sport: "), *words)
     assert not (tmp_path / "out.bvh").exists()
-
-
-GROUNDS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
-    "damaged PNG": (damaged_png, ("cut.png", "not a readable PNG", "Save it again")),
-    "text as PNG": (text_file("map.png"), ("map.png", "not a readable PNG", "Save it again")),
-    "text as NPY": (text_file("map.npy"), ("map.npy", "not a readable NPY", "numpy.save")),
-    "text as mesh": (text_file("map.ply"), ("map.ply", "not a readable mesh", "Export the ground")),
-}
-
-
-@pytest.mark.parametrize("case", GROUNDS)
-def test_a_damaged_ground_is_one_sentence(
-    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    make, words = GROUNDS[case]
-    out = tmp_path / "out.bvh"
-    assert cli.main(["generate", "--terrain", str(make(tmp_path)), "--out", str(out)]) == 2
-    check_sentence(capsys.readouterr().err, *words)
 
 
 VIEW: dict[str, tuple[str, Callable[[Path], Path], tuple[str, ...]]] = {

@@ -16,6 +16,7 @@ import pytest
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError, UsageError
+from runtime.file_lock import open_locked
 from sport import cli, clips, parser
 from sport.batch import run, work
 from sport.batch.rows import BatchRow, Task, plan, read_rows, sha256
@@ -233,8 +234,6 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(fake: list[str], tmp
 def test_two_batches_do_not_write_into_one_folder(
     fake: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from runtime.file_lock import open_locked
-
     (tmp_path / "clips").mkdir()
     handle = open_locked(tmp_path / "clips" / ".sport-batch.lock", create=True)
     assert handle is not None

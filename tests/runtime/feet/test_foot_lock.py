@@ -8,7 +8,6 @@ from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock
 from runtime.feet.settings import FootLockSettings
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS, joint_heights, skating
-from runtime.feet.skating import joint_heights as toe_heights
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
@@ -69,9 +68,9 @@ def test_drifting_roots_do_not_make_feet_skate(drift):
 def test_toes_stay_above_uneven_ground(name):
     ground = make_terrain(name)
     hips, local, contacts = walk(10 * CYCLE_FRAMES, terrain=ground)
-    assert toe_heights(forward(hips, local), ground).min() < -0.01  # the incoming feet sink
+    assert joint_heights(forward(hips, local), ground).min() < -0.01  # the incoming feet sink
     positions, _ = planted(hips, local, contacts, ground)
-    assert toe_heights(positions, ground).min() > TOE_HEIGHT - FootLockSettings().sink - 1e-4
+    assert joint_heights(positions, ground).min() > TOE_HEIGHT - FootLockSettings().sink - 1e-4
     ankles = positions[:, ANKLES].astype(float)
     over = ankles[..., 1] - ground.height(ankles[..., 0], ankles[..., 2])
     assert over.min() > ANKLE_HEIGHT - FootLockSettings().sink - 1e-4
@@ -113,7 +112,7 @@ def test_whatever_comes_in_no_sole_moves_in_the_ground(name):
         soles = joint_heights(positions, ground, SOLE_POINTS) - np.array(SOLE_HEIGHTS)
         assert soles.min() > -FootLockSettings().sink - 1e-4
         assert skating(positions, ground).max() <= 1e-3
-        deepest = min(deepest, (toe_heights(forward(hips, local), ground) - TOE_HEIGHT).min())
+        deepest = min(deepest, (joint_heights(forward(hips, local), ground) - TOE_HEIGHT).min())
     assert deepest < -0.03  # there was something to do
 
 
@@ -127,7 +126,7 @@ def test_a_foot_out_of_reach_is_not_drawn_into_a_step():
     hips[:, 2] += after * 1.7 / 60  # the hips go over it faster than the feet are let go
     hips[:, 1] += after * 0.004
     positions, _ = planted(hips, local, contacts, ground)
-    assert toe_heights(positions, ground).min() > TOE_HEIGHT - FootLockSettings().sink - 1e-4
+    assert joint_heights(positions, ground).min() > TOE_HEIGHT - FootLockSettings().sink - 1e-4
 
 
 def test_a_swinging_foot_does_not_drag():
@@ -137,8 +136,8 @@ def test_a_swinging_foot_does_not_drag():
     before, (positions, _) = forward(hips, local), planted(hips, local, contacts, ground)
     fast = np.linalg.norm(np.diff(positions[:, TOES][..., [0, 2]], axis=0), axis=-1) * 60 > 2.0
     assert fast.mean() > 0.1
-    assert (toe_heights(before, ground)[1:][fast] - TOE_HEIGHT).min() < 0.0
-    assert np.median(toe_heights(positions, ground)[1:][fast] - TOE_HEIGHT) > 0.015
+    assert (joint_heights(before, ground)[1:][fast] - TOE_HEIGHT).min() < 0.0
+    assert np.median(joint_heights(positions, ground)[1:][fast] - TOE_HEIGHT) > 0.015
 
 
 @pytest.mark.parametrize("name", ["flat", "hills"])
@@ -214,7 +213,7 @@ def test_hips_sink_smoothly_where_the_ground_falls_away():
     assert sunk[-1] > 0.08
     assert sunk.max() - sunk[-1] < 0.008
     assert np.diff(sunk).max() < 0.015
-    assert toe_heights(positions, ground)[-1] == pytest.approx([TOE_HEIGHT] * 2, abs=0.01)
+    assert joint_heights(positions, ground)[-1] == pytest.approx([TOE_HEIGHT] * 2, abs=0.01)
 
 
 def test_a_standing_root_that_wanders_off_releases_one_foot_after_the_other():

@@ -15,14 +15,16 @@ MAX_GROWTH = 20e6  # bytes held at once by client and server together; asked are
 ASKED = [{"role": "user", "content": "a proud walk"}]
 
 
-def endless(status: int, closed: list[bool]) -> Callable[[Any], None]:
-    """A body without end, until the client hangs up."""
+def endless(
+    status: int, closed: list[bool], size: int = 65_536, wait_s: float = 0.0
+) -> Callable[[Any], None]:
+    """A body without end, until the client hangs up: so many bytes at a time."""
 
     def behave(handler: Any) -> None:
         handler.start(status, {"Content-Length": str(1 << 40)})
         try:
-            while not handler.server.released.is_set():
-                handler.wfile.write(b" " * 65_536)
+            while not handler.server.released.wait(wait_s):
+                handler.wfile.write(b" " * size)
         except OSError:
             closed.append(True)
             raise
@@ -38,6 +40,15 @@ def ask(settings: Any, seconds: float = 10.0) -> str:
 
 def threads() -> int:
     return sum(thread.name == "language model" for thread in threading.enumerate())
+
+
+def check_ended(closed: list[bool]) -> None:
+    """The line is closed, and no thread is left."""
+    end = time.monotonic() + 60.0
+    while (not closed or threads()) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert closed
+    assert threads() == 0
 
 
 @pytest.mark.parametrize("status", [200, 401, 429, 500])
@@ -56,11 +67,7 @@ def test_a_body_without_end_has_one_limit_for_every_status(
     finally:
         tracemalloc.stop()
     assert peak < MAX_GROWTH
-    end = time.monotonic() + 60.0
-    while (not closed or threads()) and time.monotonic() < end:
-        time.sleep(0.01)
-    assert closed
-    assert threads() == 0
+    check_ended(closed)
     assert len(endpoint.requests) == 1
 
 
@@ -78,27 +85,13 @@ def test_a_withdrawn_prompt_ends_its_thread_and_line(
     endpoint: Endpoint, settings_of: Callable[..., Any]
 ) -> None:
     closed: list[bool] = []
-
-    def slow(handler: Any) -> None:
-        handler.start(200, {"Content-Length": "900000"})
-        try:
-            while not handler.server.released.wait(0.02):
-                handler.wfile.write(b" ")
-        except OSError:
-            closed.append(True)
-            raise
-
-    endpoint.script = [slow]
+    endpoint.script = [endless(200, closed, 1, 0.02)]
     stop = threading.Event()
     threading.Timer(0.2, stop.set).start()
     client = ChatClient(settings_of(endpoint))
     with pytest.raises(Exception, match="withdrawn"):
         client.complete(ASKED, None, time.monotonic() + 20.0, stop)
-    end = time.monotonic() + 60.0
-    while (not closed or threads()) and time.monotonic() < end:
-        time.sleep(0.01)
-    assert closed
-    assert threads() == 0
+    check_ended(closed)
 
 
 @pytest.mark.parametrize("status", [301, 303, 308])

@@ -32,6 +32,12 @@ def make_pose(x):
     return Pose(hips, local, positions, world, np.zeros(4, np.float32), hips * [1, 0, 1], 0.0)
 
 
+def add(recorder, *frames):
+    """Poses whose x is their number, for a range of numbers."""
+    for k in range(*frames):
+        recorder.add(make_pose(k))
+
+
 def test_poses_are_forward_kinematics_of_their_frame():
     clip = make_clip()
     positions, world = clip.world()
@@ -75,11 +81,9 @@ def test_resampling_keeps_the_time(fps, frames):
 # --- recorder
 def test_a_take_is_what_was_added_between_start_and_stop():
     recorder = ClipRecorder(max_seconds=1.0)
-    for k in range(10):
-        recorder.add(make_pose(k))
+    add(recorder, 10)
     recorder.start()
-    for k in range(10, 15):
-        recorder.add(make_pose(k))
+    add(recorder, 10, 15)
     assert recorder.recording
     assert recorder.take_seconds == pytest.approx(5 / 60)
     clip = recorder.stop("mine", "hills")
@@ -91,14 +95,12 @@ def test_a_take_is_what_was_added_between_start_and_stop():
 
 def test_the_past_is_kept_for_a_while_and_a_running_take_longer():
     recorder = ClipRecorder(max_seconds=0.5)
-    for k in range(100):
-        recorder.add(make_pose(k))
+    add(recorder, 100)
     assert recorder.seconds == pytest.approx(0.5)
     np.testing.assert_array_equal(recorder.last(0.1).hips_positions[:, 0], np.arange(94, 100))
     np.testing.assert_array_equal(recorder.last(99.0).hips_positions[:, 0], np.arange(70, 100))
     recorder.start()
-    for k in range(100, 200):
-        recorder.add(make_pose(k))
+    add(recorder, 100, 200)
     np.testing.assert_array_equal(recorder.stop().hips_positions[:, 0], np.arange(100, 200))
     recorder.add(make_pose(200))
     assert recorder.seconds == pytest.approx(0.5)
@@ -107,8 +109,7 @@ def test_the_past_is_kept_for_a_while_and_a_running_take_longer():
 def test_prompts_are_placed_in_the_take():
     recorder = ClipRecorder()
     recorder.mark_prompt("calm")
-    for k in range(30):
-        recorder.add(make_pose(k))
+    add(recorder, 30)
     recorder.start()
     for k in range(60):
         if k == 15:
@@ -127,8 +128,7 @@ def test_prompts_that_no_kept_frame_needs_are_forgotten():
     assert [(event.prompt, event.seconds) for event in events] == [
         ("style 540", 0.0), ("style 560", pytest.approx(1 / 3)), ("style 580", pytest.approx(2 / 3))
     ]  # fmt: skip
-    for k in range(30):
-        recorder.add(make_pose(k))
+    add(recorder, 30)
     # it came before the first frame that is kept, and holds there
     assert recorder.last(99.0).prompts[0].prompt == "style 560"
 
@@ -141,8 +141,7 @@ def test_a_slider_under_the_hand_leaves_few_events_and_where_it_came_to_rest():
     for k in range(120):  # two seconds, an event in every frame
         recorder.mark_prompt(f"blend {k}", 0.1)
         recorder.add(make_pose(k))
-    for k in range(60):
-        recorder.add(make_pose(k))
+    add(recorder, 60)
     recorder.mark_prompt("drunk", 0.8)
     recorder.mark_prompt("drunk, blended", 0.1)
     recorder.add(make_pose(0))
@@ -191,27 +190,27 @@ def test_unknown_options_are_refused_before_anything_is_written(tmp_path, fps, u
     assert not list(tmp_path.iterdir())
 
 
-def test_missing_joints_are_named(tmp_path):
+REST = "JOINT LeftForeArm\n"
+
+
+def at_rest(text):
+    head, tail = text.split(REST, 1)
+    return head + REST + tail.replace("OFFSET 28.13000 0.00000", "OFFSET 0.00000 -28.13000", 1)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: text.replace("T LThumb", "T Pinky").replace("T Head", "T Skull"), "joint Head, LThumb is missing"),
+        (at_rest, ".*LeftForeArm rests"),
+        (lambda text: text.replace("Time: 0.0166666667", "Time: 0.0005"), "2000 frames per second"),
+    ],
+    ids=["missing joints", "another rest pose", "a rate that no clip has"],
+)  # fmt: skip
+def test_what_is_no_take_of_ours_is_named(tmp_path, change, said):
     path = save_bvh(make_clip(), tmp_path / "take.bvh")
-    text = path.read_text().replace("JOINT LThumb", "JOINT Pinky")
-    path.write_text(text.replace("JOINT Head", "JOINT Skull"))
-    with pytest.raises(FileError, match=r"take\.bvh: joint Head, LThumb is missing"):
-        load_clip_bvh(path)
-
-
-def test_another_rest_pose_is_named(tmp_path):
-    path = save_bvh(make_clip(), tmp_path / "take.bvh")
-    old = "JOINT LeftForeArm\n"
-    head, tail = path.read_text().split(old, 1)
-    path.write_text(head + old + tail.replace("OFFSET 28.13000 0.00000", "OFFSET 0.00000 -28.13000", 1))
-    with pytest.raises(FileError, match="LeftForeArm rests"):
-        load_clip_bvh(path)
-
-
-def test_a_rate_that_no_clip_has_is_named(tmp_path):
-    path = save_bvh(make_clip(), tmp_path / "take.bvh")
-    path.write_text(path.read_text().replace("Frame Time: 0.0166666667", "Frame Time: 0.0005"))
-    with pytest.raises(FileError, match=r"take\.bvh: 2000 frames per second"):
+    path.write_text(change(path.read_text()))
+    with pytest.raises(FileError, match=rf"take\.bvh: {said}"):
         load_clip_bvh(path)
 
 

@@ -172,8 +172,7 @@ def loaded_once(monkeypatch: pytest.MonkeyPatch) -> None:
         return load_model(folder, **options) if folder or options else shipped.shipped_model()
 
     def encoder(metadata: dict[str, Any], folder: Path, chosen: Path | None = None) -> Any:
-        own = shipped.shipped_model()
-        usual = chosen is None and folder == own.folder
+        usual = chosen is None and folder == shipped.shipped_model().folder
         return shipped.shipped_encoder() if usual else text_encoder_of(metadata, folder, chosen)
 
     monkeypatch.setattr("runtime.motion.model.load_model", model)

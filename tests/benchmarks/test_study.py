@@ -83,8 +83,7 @@ def test_the_anova_is_the_textbooks(tmp_path: Path) -> None:
 
     from benchmarks.study.report import read_answers, significance
 
-    key = study(tmp_path)
-    files = synthetic(tmp_path, key, RATINGS)
+    files = synthetic(tmp_path, study(tmp_path), RATINGS)
     answers = read_answers(files, tmp_path / make.KEY, synthetic=True)
     tests = significance(answers[answers.kind == "obstacle"])
     p, m = RATINGS.shape
@@ -101,8 +100,7 @@ def test_the_anova_is_the_textbooks(tmp_path: Path) -> None:
 
 def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("statsmodels")
-    key = study(tmp_path)
-    files = [str(f) for f in synthetic(tmp_path, key, RATINGS)]
+    files = [str(f) for f in synthetic(tmp_path, study(tmp_path), RATINGS)]
     where = ["--key", str(tmp_path / make.KEY)]
     # synthetic answers are no answers
     assert run_command("study", lambda: main(["report", *files, *where])) == 2
@@ -121,8 +119,7 @@ def test_damaged_and_foreign_answers_are_named(tmp_path: Path) -> None:
     pytest.importorskip("statsmodels")
     from benchmarks.study.report import read_answers
 
-    key = study(tmp_path)
-    (file,) = synthetic(tmp_path, key, RATINGS[:1])
+    (file,) = synthetic(tmp_path, study(tmp_path), RATINGS[:1])
     good = json.loads(file.read_text(encoding="utf-8"))
     for change, words in (
         ({"study": "other"}, "another study"),
@@ -145,8 +142,7 @@ def test_hostile_files_end_in_one_sentence(tmp_path: Path, capsys: pytest.Captur
     """Brackets, a pipe, text that is no UTF-8, and files in which one value is another."""
     pytest.importorskip("statsmodels")
     key_file, pipe = tmp_path / make.KEY, tmp_path / "pipe"
-    key = study(tmp_path)
-    (file,) = synthetic(tmp_path, key, RATINGS[:1])
+    (file,) = synthetic(tmp_path, study(tmp_path), RATINGS[:1])
     texts = {path: path.read_text(encoding="utf-8") for path in (file, key_file)}
     os.mkfifo(pipe)
 
@@ -264,8 +260,7 @@ def test_a_page_is_filled_in_from_first_to_last(
     assert len(order) == len(key["clips"]) + 1
     assert set(order) == set(key["clips"])
     assert order[-1] == low
-    path = downloaded(browser, tmp_path)
-    answers = read_answers([path], tmp_path / make.KEY, synthetic=True)
+    answers = read_answers([downloaded(browser, tmp_path)], tmp_path / make.KEY, synthetic=True)
     assert dict(zip(answers["clip"], answers["rating"], strict=True)) == given
     assert answers.again.sum() == 1
     browser.execute_script("localStorage.clear()")

@@ -31,8 +31,7 @@ def seed_session(folder: Path) -> Path:
     steps = []
     for frames, name in zip(FRAMES, NAMES, strict=True):
         motion = Motion.of(still(frames, f"motion of {frames}", frames))
-        take = Take(motion=motion, name=name, note=f"{name}!")
-        session = edits.with_new_take(session, take)
+        session = edits.with_new_take(session, Take(motion=motion, name=name, note=f"{name}!"))
         steps.append(session)
     steps.append(edits.trimmed(session, 2, 10, 300))
     steps += [replace(steps[-1], selected=number) for number in (1, 2, 3)]

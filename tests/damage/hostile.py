@@ -62,8 +62,7 @@ def make(folder: Path, foreign: Path, count: int, first: int) -> None:
 
 def _plant(rng: random.Random, path: Path, foreign: Path) -> None:
     """Links of another program next to a session."""
-    files = [None, unwritten_files(path)[0], lock_of(path)]
-    file = rng.choice(files)
+    file = rng.choice([None, unwritten_files(path)[0], lock_of(path)])
     if file is not None:
         file.symlink_to(foreign / "a.mp4")
 

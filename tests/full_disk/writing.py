@@ -23,8 +23,7 @@ def writers(copied: Path) -> dict[str, Write]:
     from viewer.filming.shots import FilmOptions
     from viewer.filming.writers import open_writer
 
-    take = clip()
-    long = take.resampled(1000.0)
+    long = clip().resampled(1000.0)
 
     def film(path: Path) -> None:
         from concurrent.futures import ThreadPoolExecutor

@@ -89,8 +89,7 @@ def _in_batches(name: str, first: int, count: int) -> Tally:
     with tempfile.TemporaryDirectory(prefix="sport-fuzz-") as folder:
         progress = Path(folder) / "number"
         while first < end:
-            size = min(BATCH, end - first)
-            part, done = _batch(name, first, size, progress)
+            part, done = _batch(name, first, min(BATCH, end - first), progress)
             tally.add(part)
             first += done
     return tally

@@ -37,8 +37,7 @@ from .target import Target, put
 
 def clip(frames: int = 4) -> Clip:
     """A few frames of a turning character."""
-    rng = np.random.default_rng(1)
-    local = rng.normal(size=(frames, 31, 4))
+    local = np.random.default_rng(1).normal(size=(frames, 31, 4))
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
     hips = np.tile(np.array([0, REST_HIPS_HEIGHT, 0]), (frames, 1))
     contacts, gaits = np.zeros((frames, 4), np.float32), (("walk", 2.0), ("stand", 1.0))

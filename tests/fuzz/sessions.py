@@ -208,8 +208,7 @@ def _resimulate(folder: Path, data: bytes) -> None:
             (first, made), (second, _) = (_driven(take.made.clip, inputs) for _ in range(2))
             assert first.local_rotations.tobytes() == second.local_rotations.tobytes()
             assert np.isfinite(first.pose(len(first) - 1).positions).all()
-            kept = _kept(folder, first, made)
-            third, _ = _driven(first, kept)
+            third, _ = _driven(first, _kept(folder, first, made))
             assert third.local_rotations.tobytes() == first.local_rotations.tobytes()
             assert third.hips_positions.tobytes() == first.hips_positions.tobytes()
     finally:

@@ -202,8 +202,7 @@ def message(app: App) -> str:
 
 def words(app: App) -> dict[str, str]:
     """The descriptions the character moves by."""
-    answer = app.editor.session.live.prompt.a
-    return answer.words.to_mapping()
+    return app.editor.session.live.prompt.a.words.to_mapping()
 
 
 def prompt(app: App) -> str:

@@ -103,8 +103,7 @@ def check_help(
 def links(path: Path) -> list[str]:
     """Targets of links and images that lead to files of the repository, with their anchors."""
     text = re.sub(r"^```.*?^```", "", text_of(path), flags=re.S | re.M)
-    targets = re.findall(r"\]\(([^)\s]+)\)", text)
-    return [target for target in targets if "://" not in target]
+    return [target for target in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in target]
 
 
 def anchors(path: Path) -> set[str]:

@@ -121,10 +121,8 @@ def _joints(
     """Nodes of the bones below a space `above`, in the order of `BONES`."""
     first = len(doc.value["nodes"])
     for name in BONES:
-        parent = _MIXAMO_PARENTS[name]
-        local = np.linalg.inv(worlds.get(parent, above)) @ worlds[name]
-        scale = np.linalg.norm(local[:3, :3], axis=0)
-        turn = rotations.from_matrix(local[:3, :3] / scale)
+        local = np.linalg.inv(worlds.get(_MIXAMO_PARENTS[name], above)) @ worlds[name]
+        turn = rotations.from_matrix(local[:3, :3] / np.linalg.norm(local[:3, :3], axis=0))
         children = [first + BONES.index(c) for c in BONES if _MIXAMO_PARENTS[c] == name]
         node: dict[str, Any] = {"name": names[name], "translation": local[:3, 3].tolist(),
                                 "rotation": turn[[1, 2, 3, 0]].tolist()}  # fmt: skip
@@ -149,8 +147,7 @@ def mixamo_rig(path: Path) -> Path:
     doc = Document()
     above = np.eye(4)
     above[:3, :3] = 0.01 * Z_UP.T
-    points = {name: Z_UP @ point for name, point in rest_points().items()}
-    worlds = _worlds(points, above, 1)
+    worlds = _worlds({name: Z_UP @ point for name, point in rest_points().items()}, above, 1)
     nodes = _joints(doc, {b: "mixamorig:" + b for b in BONES}, worlds, above)
     mesh_space = np.diag([0.01, 0.01, 0.01, 1.0])
     mesh = _skin_mesh(doc, "Body", rest_points(), BONES, BONES, nodes, np.stack(list(worlds.values())), mesh_space, 3.0, 1)  # fmt: skip

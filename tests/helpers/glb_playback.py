@@ -28,8 +28,7 @@ class Played:
 
 def read_accessor(gltf: GLTF2, index: int) -> np.ndarray:
     accessor = gltf.accessors[index]
-    view = gltf.bufferViews[accessor.bufferView]
-    start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
+    start = (gltf.bufferViews[accessor.bufferView].byteOffset or 0) + (accessor.byteOffset or 0)
     width = _WIDTHS[accessor.type]
     kind = np.dtype(_TYPES[accessor.componentType])
     data = gltf.binary_blob()[start : start + accessor.count * width * kind.itemsize]

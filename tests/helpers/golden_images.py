@@ -35,7 +35,6 @@ def check_golden(name: str, picture: np.ndarray, mean: float = 1.5, far: float =
     if difference.mean() > mean or far_off > far:
         FAILURES.mkdir(exist_ok=True)
         shown = np.clip(4 * difference, 0, 255).astype(np.uint8)
-        side_by_side = np.hstack([picture, golden.astype(np.uint8), shown])
-        save_png(side_by_side, FAILURES / f"{name}.png")
+        save_png(np.hstack([picture, golden.astype(np.uint8), shown]), FAILURES / f"{name}.png")
         far = f"mean difference {difference.mean():.2f}, {far_off:.1%} far off"
         pytest.fail(f"{name}: {far}; see {FAILURES}.{UPDATE}")

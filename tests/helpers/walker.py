@@ -38,8 +38,7 @@ def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0, straight=False
         stance = phase < 0.6
         swing = np.clip((phase - 0.6) / 0.4, 0.0, 1.0)
         ease = swing * swing * (3 - 2 * swing)
-        step = np.floor(t + 0.5 * side)
-        planted = (step + 0.3 - 0.5 * side) * STRIDE_M * speed_share
+        planted = (np.floor(t + 0.5 * side) + 0.3 - 0.5 * side) * STRIDE_M * speed_share
         ankle_z = planted + ease * STRIDE_M * speed_share
         ankle_y = ANKLE_HEIGHT + 0.10 * np.sin(np.pi * swing) * speed_share
         ankles.append(np.stack([np.full(frames, 0.0753 * sign), ankle_y, ankle_z], -1))

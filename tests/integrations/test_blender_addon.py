@@ -222,6 +222,5 @@ def test_the_addons_names_are_those_of_the_program(addon: ModuleType) -> None:
         if convention == "SPORT":
             continue
         found = addon.guess_joints([f"Rig_{name}" for name in table.values()])
-        expected = {joint: f"Rig_{name}" for joint, name in table.items()}
-        assert found == expected, convention
+        assert found == {joint: f"Rig_{name}" for joint, name in table.items()}, convention
     assert addon.guess_joints(["Cube", "Lamp"]) == {}

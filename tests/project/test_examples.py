@@ -68,8 +68,7 @@ def test_01_clip_from_prompt(tmp_path: Path, run: Callable[[str], str]) -> None:
 
 
 def test_02_drive_by_code(tmp_path: Path, run: Callable[[str], str]) -> None:
-    shown = run("02_drive_by_code.py")
-    assert "0 way points left" in shown
+    assert "0 way points left" in run("02_drive_by_code.py")
     clip = load_clip_bvh(tmp_path / "way.bvh")
     assert [event.prompt for event in clip.prompts] == ["a proud queen", "a limping old man"]
     assert clip.hips_positions[-1, 2] > 4.0
@@ -85,8 +84,7 @@ def test_03_own_ground(tmp_path: Path, run: Callable[[str], str]) -> None:
 
 
 def test_04_own_character(tmp_path: Path, run: Callable[[str], str]) -> None:
-    shown = run("04_own_character.py")
-    assert "31 of its joints" in shown
+    assert "31 of its joints" in run("04_own_character.py")
     assert all((tmp_path / f"posed_{frame}.obj").stat().st_size > 100_000 for frame in (0, 30, 60))
 
 

@@ -50,8 +50,7 @@ def test_forward_goes_along_z():
 
 def test_circle_keeps_its_radius_and_goes_round():
     path = follow(control_script("circle", "walk"), 30)
-    radius = np.hypot(path[:, 0] - 3.0, path[:, 1])
-    assert np.abs(radius - 3.0).max() < 0.4
+    assert np.abs(np.hypot(path[:, 0] - 3.0, path[:, 1]) - 3.0).max() < 0.4
     angle = np.unwrap(np.arctan2(path[:, 0] - 3.0, path[:, 1]))
     assert angle[-1] - angle[0] > 2 * np.pi  # towards +X, clockwise from above
 

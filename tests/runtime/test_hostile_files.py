@@ -75,8 +75,7 @@ def test_a_texture_of_postscript_never_reaches_pillows_guess(
 
 
 def test_grounds_never_look_at_textures(tmp_path: Path, opened: list[object]) -> None:
-    script = b"%!PS\n"
-    (tmp_path / "image.png").write_bytes(script)
+    (tmp_path / "image.png").write_bytes(b"%!PS\n")
     (tmp_path / "ground.mtl").write_text("newmtl m\nmap_Kd image.png\n", encoding="utf-8")
     corners = "v 0 0 0\nv 3 0 0\nv 3 0 3\nvt 0 0\n"
     (tmp_path / "ground.obj").write_text(f"mtllib ground.mtl\n{corners}usemtl m\nf 1/1 3/1 2/1\n")

@@ -48,8 +48,7 @@ def test_rotating_keeps_length_and_composes(ab, seed):
 def test_matrix_and_6d_round_trips(q):
     same_rotation(R.from_matrix(R.to_matrix(q)), q)
     same_rotation(R.from_6d(R.to_6d(q)), q)
-    m = R.to_matrix(q)
-    np.testing.assert_allclose(np.linalg.det(m), 1.0, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.det(R.to_matrix(q)), 1.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("angle", [np.pi, np.pi - 1e-7])
@@ -82,8 +81,7 @@ def test_euler_round_trip_in_gimbal_lock(order, second):
 def test_euler_order_means_intrinsic_rotations_as_in_bvh():
     z, x = np.array(0.4), np.array(-0.9)
     about_z, about_x = (R.from_axis_angle(np.eye(3)[k], turn) for k, turn in ((2, z), (0, x)))
-    expected = R.multiply(about_z, about_x)
-    same_rotation(R.from_euler(np.array([0.4, 0.0, -0.9]), "ZYX"), expected)
+    same_rotation(R.from_euler(np.array([0.4, 0.0, -0.9]), "ZYX"), R.multiply(about_z, about_x))
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -20,8 +20,7 @@ def test_the_skeleton_has_31_joints_with_parents_first():
 
 
 def test_rest_pose_stands_upright_with_the_left_on_plus_x():
-    rest = SPORT_SKELETON.rest_positions
-    named = dict(zip(SPORT_SKELETON.names, rest, strict=True))
+    named = dict(zip(SPORT_SKELETON.names, SPORT_SKELETON.rest_positions, strict=True))
     assert named["LeftFoot"][1] < named["LeftLeg"][1] < named["Hips"][1] < named["Head"][1]
     assert named["LeftHand"][0] > 0.4 > -0.4 > named["RightHand"][0]
     assert named["LeftToeBase"][2] > named["LeftFoot"][2] + 0.1
@@ -34,8 +33,7 @@ def test_forward_kinematics_keeps_bone_lengths_and_inverts():
     lengths = np.linalg.norm(positions[:, 1:] - positions[:, parents], axis=-1)
     expected = np.linalg.norm(SPORT_SKELETON.offsets[1:], axis=-1)
     np.testing.assert_allclose(lengths, np.broadcast_to(expected, lengths.shape), atol=1e-6)
-    back = SPORT_SKELETON.local_rotations(world)
-    assert rotations.angle_between(back, local).max() < 1e-6
+    assert rotations.angle_between(SPORT_SKELETON.local_rotations(world), local).max() < 1e-6
 
 
 def test_forward_kinematics_by_hand():

@@ -66,8 +66,7 @@ def main() -> int:
             if options.only not in label or options.exact not in (None, label):
                 continue
             whole, begin = Place(folder / "whole", inputs), time.monotonic()
-            process = whole.start(words(line))
-            ended = whole.ended(process, begin, 120.0)
+            ended = whole.ended(whole.start(words(line)), begin, 120.0)
             lasts = min(time.monotonic() - begin, 120.0)
             if ended.code not in (0, 137):
                 print(f"{label}: {ended.said[-500:]}", file=sys.stderr)

@@ -124,8 +124,7 @@ def test_velocities_are_finite_differences_over_the_window(frames, seed):
         ahead = torch.stack([root[:, 0], 0 * root[:, 0], root[:, 1]], -1)
         c, s = root[:, 2:].cos(), root[:, 2:].sin()
         x, y, z = (joints[0] - ahead[:, None]).unbind(-1)
-        seen = torch.stack([c * x - s * z, y, s * x + c * z], -1)
-        found = (joints[1] - seen) * FPS
+        found = (joints[1] - torch.stack([c * x - s * z, y, s * x + c * z], -1)) * FPS
         stated = after[:, OUTPUT["joint_velocities"]].view(-1, J, 3)
         assert (found - stated)[:, FIRST_OF_UPPER:].abs().max() < 0.13  # 1 mm of a stored height is 0.06 m/s
 
@@ -171,8 +170,7 @@ def test_a_part_is_its_clip_s_at_matching_phase_and_so_are_its_words(frames, tab
 
 def test_nothing_that_is_held_out_is_drawn(frames, table, texts):
     rows, plan = drawn(frames, 6, 4000)
-    secret = clip_number(table, "secret")
-    assert not (plan.clips[plan.changed] == secret).any()
+    assert not (plan.clips[plan.changed] == clip_number(table, "secret")).any()
     words = plan.words(frames.clip[rows])
     name = np.array(texts.names)[texts.keys]
     shown = [[name[c, k] for k, c in enumerate(row)] for row in words.tolist()]

@@ -75,8 +75,7 @@ def test_a_knee_that_is_thrown_about_is_rounded_off_and_nothing_else() -> None:
 
 def test_stretches_that_pass_are_kept_with_their_ground() -> None:
     seen: Counter[str] = Counter()
-    walked = upright()
-    (clip,) = kept(walked, "one", seen)
+    (clip,) = kept(upright(), "one", seen)
     assert seen == {"stairs kept": 2}
     assert clip.source == clips.SOURCE
     assert clip.style == "angry"

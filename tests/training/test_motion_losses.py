@@ -292,8 +292,7 @@ def path(x: torch.Tensor) -> np.ndarray:
 
 def test_an_even_path_stays_and_so_does_all_that_is_no_path():
     x = one_path(0.1 * TIME**2, 1.3 * TIME, np.zeros(L))
-    y = steered(x)
-    np.testing.assert_allclose(y.numpy(), x.numpy(), atol=1e-5)
+    np.testing.assert_allclose(steered(x).numpy(), x.numpy(), atol=1e-5)
 
 
 def test_the_sway_of_steps_shrinks_by_random_shares_and_some_rows_keep_it(monkeypatch):

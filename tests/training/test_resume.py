@@ -30,8 +30,7 @@ def data(frames, table) -> motion.MotionData:  # noqa: F811
     style = [torch.randn(3, 64, generator=generator) for _ in range(6)]
     index = torch.randint(3, (len(table.styles), 8, 6), generator=generator)
     weights = sampling_weights(table)
-    session = Session(Path("unused"), torch.device("cpu"))
-    normal = motion.measure(frames, weights, session, 200)
+    normal = motion.measure(frames, weights, Session(Path("unused"), torch.device("cpu")), 200)
     return motion.MotionData(frames, normal, StyleTable(style, index), weights)
 
 

@@ -132,8 +132,7 @@ def test_what_changed_in_the_last_second_is_written_at_the_end(app: App) -> None
 def test_a_damaged_file_is_kept_aside_before_it_is_replaced(content: str, tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_text(content)
     before, _ = load_settings(tmp_path)
-    now = replace(before, height=500)
-    save_settings(now, tmp_path, before)
+    save_settings(replace(before, height=500), tmp_path, before)
     (aside,) = tmp_path.glob(f"{FILE_NAME}.damaged-*")
     assert aside.read_text() == content
     again, problems = load_settings(tmp_path)

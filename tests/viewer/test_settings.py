@@ -30,8 +30,7 @@ def test_fields_of_a_newer_version_stay(tmp_path: Path) -> None:
     now, complaints = load_settings(tmp_path)
     assert len(complaints) == 1
     save_settings(now, tmp_path, dataclasses.replace(now))
-    content = json.loads((tmp_path / "settings.json").read_text("utf-8"))
-    assert content["newer"] == [1]
+    assert json.loads((tmp_path / "settings.json").read_text("utf-8"))["newer"] == [1]
     assert load_settings(tmp_path) == (Settings(), [])  # what was unusable is said once
 
 

@@ -110,8 +110,7 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
 
 
 def test_interpolated_poses_keep_bone_lengths() -> None:
-    ground = Terrain.flat()
-    fake = FakeController(ground)
+    fake = FakeController(Terrain.flat())
 
     a = fake.step(Controls())
     b = fake.step(Controls(move=(1.0, 0.0)))

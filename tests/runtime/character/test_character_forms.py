@@ -63,8 +63,7 @@ def test_a_take_of_it_is_plain_gltf(name: str, tmp_path: Path) -> None:
     assert set(document.get("extensionsUsed", [])) <= {"KHR_mesh_quantization"}
     assert all(image["mimeType"] in ("image/png", "image/jpeg") for image in document["images"])
     assert all(isinstance(texture["source"], int) for texture in document["textures"])
-    again = load_character(path)
-    assert len(again.positions) == len(load_character(FOLDER / name).positions)
+    assert len(load_character(path).positions) == len(load_character(FOLDER / name).positions)
 
 
 def test_colours_of_an_image_in_basis_universal_are_its_own() -> None:

@@ -149,8 +149,7 @@ def test_users_limbs_follow_the_pose(mixamo: Character, seed: int) -> None:
 
 
 def test_users_soles_stand_on_the_ground(mixamo: Character) -> None:
-    pose = make_pose(None)
-    vertices = skin_vertices(mixamo, mixamo.skin_matrices(pose))
+    vertices = skin_vertices(mixamo, mixamo.skin_matrices(make_pose(None)))
     assert vertices[:, 1].min() == pytest.approx(0.0, abs=5e-3)
 
 

@@ -47,8 +47,7 @@ def reaching(goals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hips and local rotations of frames whose left wrist is at `goals` `(T, 3)`, seen from the hips."""
     offset = SPORT_SKELETON.offsets.astype(float)
     a, b = np.linalg.norm(offset[FORE]), np.linalg.norm(offset[HAND])
-    rest = SPORT_SKELETON.rest_positions.astype(float)
-    way = goals - rest[ARM]
+    way = goals - SPORT_SKELETON.rest_positions.astype(float)[ARM]
     length = np.minimum(np.linalg.norm(way, axis=1), 0.999 * (a + b))
     along = rotations.normalize(way)
     out = np.cross(along, [0.0, 0.0, 1.0])

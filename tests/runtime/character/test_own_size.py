@@ -62,8 +62,7 @@ def stepping(frames: int = 60) -> Clip:
 def soles(character: Character, side: str) -> Character:
     """The vertices of one foot alone."""
     lead = character.joint_indices[np.arange(len(character.positions)), character.joint_weights.argmax(1)]
-    names = np.array(character.joint_names)[lead]
-    own = np.isin(names, [side + "Foot", side + "ToeBase"])
+    own = np.isin(np.array(character.joint_names)[lead], [side + "Foot", side + "ToeBase"])
     arrays = ("positions", "joint_indices", "joint_weights")
     return replace(character, **{name: getattr(character, name)[own] for name in arrays})
 
@@ -93,8 +92,7 @@ def rolled(pitch: float, toe_contact: float) -> Any:
 @pytest.mark.parametrize("pitch", [0.0, -0.3, -0.7, -1.0, 0.2, 0.35])
 def test_soles_stand_on_the_ground(body: Path, pitch: float) -> None:
     character = load_character(body)
-    pose = rolled(pitch, 0.0 if pitch > 0 else 1.0)
-    matrices = character.skin_matrices(pose)
+    matrices = character.skin_matrices(rolled(pitch, 0.0 if pitch > 0 else 1.0))
     for side in ("Left", "Right"):
         low = float(skin_vertices(soles(character, side), matrices)[:, 1].min()) * character.size
         assert -0.01 < low < 0.03 * max(character.size, 1.0)

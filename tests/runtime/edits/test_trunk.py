@@ -79,8 +79,7 @@ def angles(shown: tuple[Array, Array], yaw: float = 0.4) -> Array:
 def test_a_trunk_stands_at_the_angle_that_is_said(name: str, column: int, value: float) -> None:
     shown = angles(sway(asked(**{name: value})))[-60:].mean(axis=0)
     assert shown[column] == pytest.approx(value, abs=1.5)
-    rest = angles(sway(None))[-60:].mean(axis=0)
-    assert np.abs(np.delete(shown - rest, column)).max() < 2.0
+    assert np.abs(np.delete(shown - angles(sway(None))[-60:].mean(axis=0), column)).max() < 2.0
 
 
 def test_hips_bounce_as_far_as_is_said_and_rise_no_higher() -> None:
@@ -188,8 +187,7 @@ def test_a_trunk_turns_back_without_a_jump() -> None:
 
 def test_words_of_a_trunk() -> None:
     words = PLAIN.to_mapping() | {"torso": "torso turned to the left, swaying from side to side"}
-    targets = edit_targets(PartDescriptions(**words))
-    assert targets[0, ROW_TRUNK, TWIST, 1] > 0.0
+    assert edit_targets(PartDescriptions(**words))[0, ROW_TRUNK, TWIST, 1] > 0.0
     assert edited_parts(PartDescriptions(**words)) == {"torso"}
     plain = edit_targets(PLAIN)
     assert plain[0][FOLD][2] == 20.0  # of every trunk, so that it is none of its words

@@ -243,8 +243,7 @@ def near_ground(toe):
     """Metres that a toe `(T, 3)` travels in its longest stay within a centimetre of flat ground."""
     low = toe[:, 1] < TOE_HEIGHT + 0.01
     steps = np.where(low[1:] & low[:-1], np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1), 0.0)
-    stays = np.split(steps, np.flatnonzero(~low[1:]))
-    return max(float(stay.sum()) for stay in stays)
+    return max(float(stay.sum()) for stay in np.split(steps, np.flatnonzero(~low[1:])))
 
 
 @pytest.mark.parametrize("seconds", [0.2, 0.4, 0.8])

@@ -18,8 +18,7 @@ def test_no_demand_snaps_a_knee(shares: list[float]) -> None:
     knee, flexions = Knee(), []
     for share in shares:
         target = (STANDING.hip[0], STANDING.hip[1] - share * BONES.length, STANDING.hip[2])
-        reach = knee.follow(STANDING, STANDING.hip, target, BONES, DT)
-        assert reach <= BONES.length + 1e-9
+        assert knee.follow(STANDING, STANDING.hip, target, BONES, DT) <= BONES.length + 1e-9
         flexions.append(np.degrees(knee.flexion))
     assert np.abs(np.diff(flexions, n=2)).max(initial=0.0) < 6.0
 
@@ -54,7 +53,6 @@ def test_toes_that_are_up_are_raised_and_others_are_not(degrees: float) -> None:
     rest = np.arcsin(flat / BONES.foot_length)
     angle = np.arcsin((lying.toe[1] - lying.ankle[1]) / BONES.foot_length) - rest - np.radians(degrees)
     local[4] = [np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0]
-    leg = leg_forward(BONES, (0.0, 0.95, 0.0), local.tolist())
-    raised = toes_raised(leg, 0.5)
+    raised = toes_raised(leg_forward(BONES, (0.0, 0.95, 0.0), local.tolist()), 0.5)
     up = np.degrees(np.arcsin((raised.toe[1] - raised.ankle[1]) / BONES.foot_length) - rest)
     assert up == pytest.approx(1.5 * degrees if degrees > 0.0 else degrees, abs=1e-6)

@@ -39,8 +39,7 @@ def locked(x, terrain):
     hips, turns = (
         np.stack([getattr(m, name) for m in made]) for name in ("hips_position", "local_rotations")
     )
-    positions = SPORT_SKELETON.forward_kinematics(hips, turns)[0]
-    return positions, contacts
+    return SPORT_SKELETON.forward_kinematics(hips, turns)[0], contacts
 
 
 def test_contacts_beside_a_beam_come_onto_it():

@@ -40,8 +40,7 @@ def turning(degrees_a_second: float = 90.0, frames: int = 300) -> Clip:
 
 def channels(path: Path, joint: str) -> tuple[str, np.ndarray]:
     """Order and angles `(T, 3)` of a joint, by the text alone."""
-    text = path.read_text()
-    head, _, motion = text.partition("MOTION")
+    head, _, motion = path.read_text().partition("MOTION")
     column = 0
     for line in head.splitlines():
         words = line.split()
@@ -51,8 +50,7 @@ def channels(path: Path, joint: str) -> tuple[str, np.ndarray]:
             at = [k for k, word in enumerate(words[2:]) if word.endswith("rotation")]
             if name == joint:
                 rows = np.array([row.split() for row in motion.strip().splitlines()[2:]], float)
-                order = "".join(words[2 + k][0] for k in at)
-                return order, rows[:, [column + k for k in at]]
+                return "".join(words[2 + k][0] for k in at), rows[:, [column + k for k in at]]
             column += int(words[1])
     raise AssertionError(joint)
 

@@ -179,8 +179,7 @@ def body(frames: int = 31, fps: float = 30.0, moving: str = "Hips") -> tuple[lis
     nodes: list[dict] = [top | {"rotation": turn[[1, 2, 3, 0]].tolist()}]
     keys: list[Keys] = []
     for name in BONES_OF_FILE:
-        above = _MIXAMO_PARENTS[name]
-        local = Z_UP @ (points[name] - points.get(above, 0.0))
+        local = Z_UP @ (points[name] - points.get(_MIXAMO_PARENTS[name], 0.0))
         children = [1 + BONES_OF_FILE.index(c) for c in BONES_OF_FILE if _MIXAMO_PARENTS[c] == name]
         nodes.append({"name": f"mixamorig:{name}", "translation": local.tolist(), "children": children})
         seconds = np.arange(frames) / fps
@@ -211,8 +210,7 @@ def test_a_body_without_a_mesh_is_where_another_reader_has_it(moving: str, tmp_p
     for name in ("Hips", "Head", "LeftHand", "RightToeBase"):
         wanted = played.worlds[:, played.node(f"mixamorig:{name}"), :3, 3]
         assert np.abs(at[:, motion.skeleton.index(f"mixamorig:{name}")] - wanted).max() < 1e-5
-    opened = open_take(path)
-    assert opened.reference.joints >= 22
+    assert open_take(path).reference.joints >= 22
     shot = camera(nodes, [0.0, 40.0])
     lens = [{"type": "perspective"}]
     beside = read_gltf_motion(animated(tmp_path / "b.glb", nodes, ("walk", [shot, *keys]), cameras=lens))

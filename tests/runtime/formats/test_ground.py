@@ -47,8 +47,7 @@ def test_feet_stand_on_the_ground_beside_the_take(
     _, ground = save_motion(clip, tmp_path / "take.bvh", options, HILLS)
     assert ground == f"{target}: ground hills in {unit}"
     mesh = trimesh.load(str(target), force="mesh", process=False)
-    back = load_clip_bvh(tmp_path / "take.bvh")
-    hips = back.hips_positions[::40].astype(float) * scale
+    hips = load_clip_bvh(tmp_path / "take.bvh").hips_positions[::40].astype(float) * scale
     wanted = HILLS.height(clip.hips_positions[::40, 0], clip.hips_positions[::40, 2])
     over = clip.hips_positions[::40, 1] - wanted
     assert np.allclose(hips[:, 1] - heights_under(mesh, hips), over * scale, atol=0.04 * scale)
@@ -107,5 +106,4 @@ def test_a_clip_is_put_on_the_ground_of_its_metadata(clip: Clip, tmp_path: Path)
 
 def test_the_lowest_sole_is_the_ground_where_none_is_known(clip: Clip) -> None:
     take = prepare(clip, ExportOptions(at_origin=True))
-    lowest = joint_heights(take.clip.world()[0], Terrain.flat()).min()
-    assert -0.02 < lowest < 0.1
+    assert -0.02 < joint_heights(take.clip.world()[0], Terrain.flat()).min() < 0.1

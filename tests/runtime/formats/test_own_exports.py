@@ -41,8 +41,7 @@ SHAPES = {
 def two_skins(path: Path) -> Path:
     """A character whose mesh is there twice, each with a skin of its own."""
     document, blob = split_glb(RIGS["mixamo"](path).read_bytes())
-    skin = document["skins"][0]
-    document["skins"].append(dict(skin))
+    document["skins"].append(dict(document["skins"][0]))
     mesh = next(node for node in document["nodes"] if "skin" in node)
     document["nodes"].append(mesh | {"name": "trousers", "skin": len(document["skins"]) - 1})
     document["scenes"][0]["nodes"].append(len(document["nodes"]) - 1)

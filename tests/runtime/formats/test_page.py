@@ -44,8 +44,7 @@ def facts_of(page: Path) -> dict[str, Any]:
 def longer_page(folder: Path) -> Path:
     """A page of a take of 2 s and a further one of 3 s."""
     save_motion(Clip("long", 60.0, *walk(181)), folder / "long.bvh", ExportOptions())
-    options = ExportOptions(with_takes=(folder / "long.bvh",))
-    save_motion(CLIP, folder / "two.html", options)
+    save_motion(CLIP, folder / "two.html", ExportOptions(with_takes=(folder / "long.bvh",)))
     return folder / "two.html"
 
 
@@ -75,8 +74,7 @@ def test_a_browser_shows_plays_and_obeys(page: Path, browser: Any) -> None:
     key(browser, "\ue011")  # Home
     assert script(browser, "take.seconds") == 0
     first = picture(browser)
-    middle = first[60:300, 220:420]
-    assert middle.std() > 15.0, "somebody stands in the middle"
+    assert first[60:300, 220:420].std() > 15.0, "somebody stands in the middle"
     key(browser, ".")
     assert script(browser, "take.seconds") == pytest.approx(1 / 60, abs=1e-4)
     key(browser, "\ue010")  # End

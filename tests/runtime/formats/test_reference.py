@@ -60,16 +60,14 @@ def test_another_skeleton_moves_ours_as_it_moved(tmp_path: Path, axes: str, stan
     wanted, _ = SPORT_SKELETON.forward_kinematics(hips - hips[0] * (1, 0, 1), local)
     if axes == "facing +X":  # it goes on as it went in its file
         wanted = rotations.rotate(TURNS[axes], wanted)
-    shown = reference.clip.world()[0][1:]
-    gap = shown - wanted
+    gap = reference.clip.world()[0][1:] - wanted
     assert np.abs(gap[..., [0, 2]]).max() < 2e-3
     assert np.ptp(gap[..., 1]) < 2e-3
     assert abs(gap[..., 1]).max() < 0.05  # its soles are put on the ground
 
 
 def test_joints_are_named_beside_the_file(tmp_path: Path) -> None:
-    names = tuple(f"n{k}" for k in range(31))
-    path = foreign(tmp_path / "other.bvh", TURNS["as ours"], names)
+    path = foreign(tmp_path / "other.bvh", TURNS["as ours"], tuple(f"n{k}" for k in range(31)))
     told = open_take(path).reference
     assert told.origin == "tree and rest pose"
     save_joint_map(path, {"LeftHand": "n21"})

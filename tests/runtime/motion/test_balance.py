@@ -40,8 +40,7 @@ def _glider(seconds: float, sway: float = 0.0) -> list[tuple[np.ndarray, tuple[b
             side = 0.09 * (1 - 2 * k)
             joints[ANKLES[k]] = side, 0.08, place - 0.06
             joints[TOES[k]] = side, 0.04, place + 0.06
-        stands = ((0.5 * steps) % 1.0 < 0.5, (0.5 * (steps + 1)) % 1.0 < 0.5)
-        frames.append((joints, stands))
+        frames.append((joints, ((0.5 * steps) % 1.0 < 0.5, (0.5 * (steps + 1)) % 1.0 < 0.5)))
     return frames
 
 

@@ -57,8 +57,7 @@ def test_same_seed_same_bytes_and_bones_never_stretch(model, monkeypatch):
     monkeypatch.setattr("runtime.motion.model.run_graph", run_graph)  # without a memory
     runs = []
     for _ in range(2):
-        controller = Controller(model, make_terrain("hills"), seed=5)
-        runs.append(drive(controller, FORWARD, 60))
+        runs.append(drive(Controller(model, make_terrain("hills"), seed=5), FORWARD, 60))
     for a, b in zip(*runs, strict=True):
         assert a.positions.tobytes() == b.positions.tobytes()
     parents = np.array(SPORT_SKELETON.parents[1:])
@@ -77,8 +76,7 @@ def test_toes_stay_above_the_ground_on_stairs_and_hills(model):
 
 
 def test_a_style_blends_over_its_transition_and_changes_the_pose(model):
-    rng = np.random.default_rng(0)
-    z = 2.0 * rng.normal(size=(6, 64)).astype(np.float32)
+    z = 2.0 * np.random.default_rng(0).normal(size=(6, 64)).astype(np.float32)
     plain, styled = Controller(model, Terrain.flat()), Controller(model, Terrain.flat())
     drive(plain, FORWARD, 60), drive(styled, FORWARD, 60)
     styled.set_style(z, 0.5)
@@ -176,8 +174,7 @@ def test_settled_it_stands_in_its_style_and_sets_off_without_flying_hands(model)
         controller.reset(1.0, 2.0, 0.5)
         controller.set_style(z, 0.0)
         if settled:
-            pose = controller.settle()
-            assert np.allclose(pose.root_position[[0, 2]], [1.0, 2.0])
+            assert np.allclose(controller.settle().root_position[[0, 2]], [1.0, 2.0])
         poses = drive(controller, FORWARD, 120)
         moved = np.linalg.norm(np.diff([p.positions[hands] for p in poses], axis=0), axis=-1) * 60
         assert np.allclose(poses[0].root_position[[0, 2]], [1.0, 2.0], atol=0.05)

@@ -64,8 +64,7 @@ def test_height_points_lie_right_centre_left():
 
 def _over_bar(place: float, spacing: float) -> np.ndarray:
     """Centre heights that samples `spacing` apart see of a bar of 30 cm that is 10 cm thick."""
-    z = np.arange(-4.0, 4.01, 0.05)
-    row = np.where(np.abs(z - place) < 0.051, 0.3, 0.0)
+    row = np.where(np.abs(np.arange(-4.0, 4.01, 0.05) - place) < 0.051, 0.3, 0.0)
     terrain = Terrain("bar", np.repeat(row[None], 61, axis=0).astype(np.float32), 0.05, (-1.5, -4.0))
     positions = np.stack([np.zeros(12), spacing * (np.arange(12) - 6)], -1)
     points, heights = features.sampled_heights(terrain, positions, np.tile([0.0, 1.0], (12, 1)))
@@ -97,8 +96,7 @@ def test_steps_and_slopes_are_seen_where_the_samples_lie():
 
 
 def test_stairs_are_seen_as_a_gentle_slope_through_the_ground_of_the_body():
-    z = np.arange(-4.0, 4.01, 0.04)
-    row = 0.16 * np.floor(z / 0.32 + 1e-6)
+    row = 0.16 * np.floor(np.arange(-4.0, 4.01, 0.04) / 0.32 + 1e-6)
     stairs = Terrain("stairs", np.repeat(row[None], 61, axis=0).astype(np.float32), 0.04, (-1.2, -4.0))
     positions = np.stack([np.zeros(12), 0.2 * (np.arange(12) - 6)], -1)
     seen = features.softened(features.mean_heights(stairs, positions))

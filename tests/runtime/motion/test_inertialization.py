@@ -45,8 +45,7 @@ def test_an_arm_that_swings_is_shown_as_it_is():
 
 def test_without_a_blend_only_what_no_arm_does_is_held_back():
     fast = np.repeat([0.0, 0.3, 0.6], [30, 1, 90])  # 18 rad/s
-    expected = np.array([_pose(a)[ARM] for a in fast])
-    np.testing.assert_array_equal(_shown(fast, False), expected)
+    np.testing.assert_array_equal(_shown(fast, False), np.array([_pose(a)[ARM] for a in fast]))
     speed = rotations.angle_between(_shown(JUMP, False)[1:], _shown(JUMP, False)[:-1]) * FPS
     assert MAX_ARM_SPEED_RAD_PER_S < speed.max() < 1.2 * MAX_JOINT_SPEED_RAD_PER_S
 
@@ -68,7 +67,6 @@ def test_characters_are_apart():
     both = np.stack([quiet, jumping], axis=1)
     arms = Inertialization.at_rest(both[0])
     for frame in both:
-        held_back = arms.apply(frame, [False, True], [0.0, 0.0])
-        assert not held_back[0]
+        assert not arms.apply(frame, [False, True], [0.0, 0.0])[0]
     np.testing.assert_array_equal(both[:, 0], quiet)
     np.testing.assert_array_equal(both[:, 1, ARM], _shown(JUMP, True))

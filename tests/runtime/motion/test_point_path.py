@@ -65,8 +65,7 @@ def test_what_is_no_path_is_refused() -> None:
 
 def test_the_character_follows_it() -> None:
     controller = Controller(shipped_model(), Terrain.flat())
-    points = (Waypoint(0.0, 2.0), Waypoint(1.5, 2.0))
-    walk = PointPath(points).walk_from(HERE)
+    walk = PointPath((Waypoint(0.0, 2.0), Waypoint(1.5, 2.0))).walk_from(HERE)
     pose, places = controller.pose, []
     for frame in range(60 * 12):
         x, _, z = (float(v) for v in pose.root_position)

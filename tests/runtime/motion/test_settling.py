@@ -47,13 +47,11 @@ def test_a_foot_in_the_air_comes_down_first() -> None:
 
 
 def test_what_is_slower_than_the_limit_is_shown_as_it_is() -> None:
-    settling = Settling.awake(LOCAL)
-    assert speeds(settling, 120, ONE, ONE, 0.001) == pytest.approx([0.06] * 120)
+    assert speeds(Settling.awake(LOCAL), 120, ONE, ONE, 0.001) == pytest.approx([0.06] * 120)
 
 
 def test_an_exhausted_body_stands_still_after_a_walk() -> None:
-    model = shipped_model()
-    controller = Controller(model, Terrain.flat(), seed=1)
+    controller = Controller(shipped_model(), Terrain.flat(), seed=1)
     controller.set_style(shipped_prompter()("an exhausted soldier, left arm hanging"), 0.0)
     for _ in range(60):
         controller.step(Controls((0.0, 1.0)))

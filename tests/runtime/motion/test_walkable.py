@@ -14,8 +14,7 @@ def _share(frames: list, height=lambda t: 0.95, walks: bool = True, steady: bool
     state = WalkableShare()
     state.update(np.array([height(0.0)]), [BOTH], [walks], [False], [False])
     for frame, stands in enumerate(frames):
-        at = np.array([height(frame / FPS)])
-        state.update(at, [stands], [walks], [steady], [False])
+        state.update(np.array([height(frame / FPS)]), [stands], [walks], [steady], [False])
     return float(state.share[0])
 
 

@@ -166,8 +166,7 @@ def test_the_events_of_a_take_make_its_style_again(walker):
     made = StandIn()(read_words(kept[0].prompt))
     assert made.weights == mix.weights
     assert np.array_equal(made.codes, mix.codes)
-    clip = generate_module.generate_clip(blended, seconds=0.1)
-    assert clip.prompts == kept
+    assert generate_module.generate_clip(blended, seconds=0.1).prompts == kept
 
 
 @pytest.mark.parametrize(

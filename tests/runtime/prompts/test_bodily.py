@@ -65,8 +65,7 @@ def test_with_a_multilingual_encoder_the_nearest_entry_is_taken(monkeypatch: pyt
     content = load_library(folder / "library.json", load_styles(folder / "styles.json"))
     clown = next(i for i, entry in enumerate(content.entries) if entry.prompt == "clown")
     with np.load(folder / other_languages.FILE) as data:
-        row = list(data["entry_of"]).index(clown)
-        vector = data["prompts"][row].astype(np.float32) + 0.0
+        vector = data["prompts"][list(data["entry_of"]).index(clown)].astype(np.float32) + 0.0
         mean = data["mean"]
         query = mean + 0.2 * vector / np.linalg.norm(vector)
     encoder = SimpleNamespace(query=lambda prompt: query if "Narr" in prompt else 2 * mean - query)

@@ -101,8 +101,7 @@ def test_sides_are_not_mistaken(prompt: str, side: str, other: str) -> None:
 
 
 def test_what_is_left_of_a_clause_is_an_entry_too() -> None:
-    limping = expand("a chicken with a limp")
-    assert limping.explicit_parts == ("right_leg",)
+    assert expand("a chicken with a limp").explicit_parts == ("right_leg",)
     assert moves_like("a chicken with a limp", "chicken", (*ARMS, "left_leg", "torso", "head"))
 
 

@@ -136,8 +136,7 @@ def test_worker_answers_prompts_descriptions_and_errors(tmp_path: Path, expander
     try:
         assert worker.poll() is None
         worker.submit("a proud king")
-        good = _wait(worker)
-        assert good.z.shape == (6, 64)
+        assert _wait(worker).z.shape == (6, 64)
         assert worker.poll() is None
         worker.submit("")
         with pytest.raises(PromptError):

@@ -53,16 +53,14 @@ def test_a_removed_take_leaves_the_next_one_selected_and_no_number_comes_again()
 
 def test_a_reference_to_a_film_outlives_every_take() -> None:
     film = Reference(take=1, video="/a/walk.mp4")
-    session = replace(session_of(9), reference=film)
-    assert edits.without_take(session, 1).reference == film
+    assert edits.without_take(replace(session_of(9), reference=film), 1).reference == film
 
 
 def test_names_of_motion_and_user() -> None:
     session = edits.with_new_take(Session(), Take(motion=motion(9, "Take 1")))
     session = edits.renamed(session, 1, "  A proud \n walk ")
     assert session.takes[0].title == "A proud walk"
-    mirrored = edits.mirrored_copy(session, 1).takes[1]
-    assert mirrored.title == "A proud walk, mirrored"
+    assert edits.mirrored_copy(session, 1).takes[1].title == "A proud walk, mirrored"
     session = edits.renamed(session, 1, "Take 1")
     assert session.takes[0].name == ""
     assert edits.mirrored_copy(session, 1).takes[1].title == "Take 1, mirrored"

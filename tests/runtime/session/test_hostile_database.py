@@ -126,8 +126,7 @@ def test_a_wrong_number_in_the_head_costs_nothing(name: str, path: Path, rows: d
 def test_a_later_version_is_refused_with_the_advice_to_update(path: Path) -> None:
     sums = [f"UPDATE {table} SET checksum = 5" for table in TABLES]
     change(path, "PRAGMA user_version = 7", *sums, sealed=False)
-    said = refused(path, "a later version of this program")
-    assert said.endswith("Update this program.")
+    assert refused(path, "a later version of this program").endswith("Update this program.")
 
 
 def test_a_session_of_the_first_version_gets_its_checksums(tmp_path: Path) -> None:

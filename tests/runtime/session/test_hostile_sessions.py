@@ -432,8 +432,7 @@ def test_an_input_that_lies_is_one_sentence_and_its_take_still_plays(case: str, 
 
 
 def test_what_is_named_a_hundred_times_is_made_once(path: Path) -> None:
-    input_of = f"SELECT header FROM motions WHERE key LIKE '%{INPUT}'"
-    text = json.loads(value_of(path, input_of))
+    text = json.loads(value_of(path, f"SELECT header FROM motions WHERE key LIKE '%{INPUT}'"))
     text["keyframes"] *= 100
     change(path, f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'", json.dumps(text))
     file, history = SessionFile.open(path, path.parent / "cache")

@@ -78,8 +78,7 @@ def test_a_session_with_one_of_everything_comes_back(tmp_path: Path) -> None:
         assert close(take.made.clip, clip)
         made = take.made.clip
         assert (made.name, made.prompts, made.origin) == (clip.name, clip.prompts, clip.origin)
-    kept = file.character_path(now.character)
-    assert kept.is_relative_to(elsewhere)
+    assert file.character_path(now.character).is_relative_to(elsewhere)
     other = tmp_path / "b.sport"
     written(other, history_of(now), elsewhere)
     assert file.close()
@@ -247,8 +246,7 @@ def test_a_recording_of_which_memory_kept_the_last_part_only_is_stored_as_that(t
 
 # --- what is not used goes
 def resimulated(session: Session, number: int) -> Session:
-    motion = Motion.of(still(60, f"motion {number}", number), None)
-    return edits.resimulated(session, 1, motion)
+    return edits.resimulated(session, 1, Motion.of(still(60, f"motion {number}", number), None))
 
 
 def later(monkeypatch: pytest.MonkeyPatch, days: float) -> None:
@@ -269,8 +267,7 @@ def test_what_three_hundred_resimulations_replaced_stays_for_thirty_days(
         file.write(history)
         assert number % 10 or file.flush(60.0)  # what waits to be written is held
     assert file.flush(60.0)
-    kept = len(history.steps)
-    assert rows(tmp_path / "a.sport", "steps") == kept == MAX_STEPS + 1
+    assert rows(tmp_path / "a.sport", "steps") == len(history.steps) == MAX_STEPS + 1
     assert rows(tmp_path / "a.sport", "motions") == 302  # with the first one's input
     wanted = [text_of(step.session) for step in history.steps]
     for _ in range(MAX_STEPS):  # all the way back, with every motion of it

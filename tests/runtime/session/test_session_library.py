@@ -52,8 +52,7 @@ def test_a_session_without_a_summary_may_hold_work(tmp_path: Path) -> None:
 
 def test_a_session_that_is_open_is_not_found_nor_removed(tmp_path: Path) -> None:
     held = untitled(tmp_path, close=False)
-    closed = untitled(tmp_path)
-    assert [summary.path for summary in find(tmp_path)] == [closed.path]
+    assert [summary.path for summary in find(tmp_path)] == [untitled(tmp_path).path]
     keep_newest(tmp_path, 0)
     keep_newest(tmp_path, 0)
     remove(held.path)

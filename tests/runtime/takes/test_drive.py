@@ -67,8 +67,7 @@ class Studio:
             controls = Controls((float(np.sin(at / 40)), float(np.cos(at / 40))), None, gait)
             self.inputs.before_steps(self.controller)
             for _ in range(min(1 + at % 3, frames - done)):
-                pose = self.controller.step(controls)
-                self.clips.add(pose, gait_of(controls))
+                self.clips.add(self.controller.step(controls), gait_of(controls))
                 self.inputs.add(controls, self.controller)
                 done += 1
 

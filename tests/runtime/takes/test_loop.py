@@ -124,6 +124,5 @@ def test_a_loop_in_place_is_one_pose_at_both_ends(tmp_path: Path) -> None:
     options = ExportOptions(loop=True, in_place=True, at_origin=True)
     (written,) = save_motion(uneven_walk(), tmp_path / "loop.bvh", options, FLAT)
     assert "the seam is 0.0" in written
-    clip = load_clip_bvh(tmp_path / "loop.bvh")
-    positions = clip.world()[0]
+    positions = load_clip_bvh(tmp_path / "loop.bvh").world()[0]
     assert np.abs(positions[0] - positions[-1]).max() < 0.02, "but for the heading"

@@ -60,8 +60,7 @@ def test_one_frame_alone_is_as_in_the_whole_take_and_costs_one(
 ) -> None:
     layer = PoseLayer((PoseKey(1.0).with_value(Curve.TURN, HEAD, np.array([0.0, 0.4, 0.0])),), keeps=True)
     text = "left hand 0.3 1.2 1 from 1 to 2; look 2 1.2 4 from 0.5 to 1.5; pose 1.5 from 0.2 to 0.8"
-    pins = parse_pins(text)
-    take = Take(1, Motion.of(walk), poses=PoseEdits(pins, layer=layer))
+    take = Take(1, Motion.of(walk), poses=PoseEdits(parse_pins(text), layer=layer))
     whole, posed = take.clip, list[int]()
 
     def count(hips: Array, *given: Any) -> Any:
@@ -142,8 +141,7 @@ def test_a_plant_is_longer_moved_removed_and_added(walk: Clip) -> None:
     swing = (old[1] + bearing[2][0]) // 2
     added = fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), None, swing - 4, swing + 4)
     made = replanted(walk, [FootplantEdit(0, None, added)])
-    stands = made.world()[0][added[0] : added[1], toe]
-    assert np.abs(np.diff(stands, axis=0)).max() < 0.001
+    assert np.abs(np.diff(made.world()[0][added[0] : added[1], toe], axis=0)).max() < 0.001
     assert added in footplants(made.contacts[:, :2])
 
 

@@ -44,8 +44,7 @@ def test_a_turn_is_there_at_its_key_and_nowhere_outside_its_eases(
     walk: Clip, vector: tuple[float, float, float], at: int
 ) -> None:
     key = PoseKey(at / 60.0).with_value(Curve.TURN, HEAD, np.array(vector))
-    layer = layer_of(key, ease_in=0.25, ease_out=0.5)
-    made = layered(walk, layer)
+    made = layered(walk, layer_of(key, ease_in=0.25, ease_out=0.5))
     turn = rotations.from_rotation_vector(np.array(vector))
     expected = rotations.multiply(walk.local_rotations[at, HEAD], turn)
     assert rotations.angle_between(made.local_rotations[at, HEAD], expected) < 1e-3
@@ -115,8 +114,7 @@ def test_a_gizmo_turns_in_the_world(walk: Clip) -> None:
 def test_a_copied_pose_is_the_same_elsewhere(walk: Clip, mirror: bool) -> None:
     local = walk.local_rotations[20].astype(float)
     local = mirrored_pose(local) if mirror else local
-    key = pose_as_key(walk.hips_positions[20], local, walk, 75)
-    made = layered(walk, layer_of(key))
+    made = layered(walk, layer_of(pose_as_key(walk.hips_positions[20], local, walk, 75)))
     own = made.local_rotations[75].astype(float)
     turn = rotations.from_yaw(rotations.yaw_of(local[0]) - rotations.yaw_of(own[0]))
     own[0] = rotations.multiply(turn, own[0])

@@ -68,8 +68,7 @@ def test_no_gap_is_leapt_beside_what_stands_in_it() -> None:
 
 def test_a_root_in_a_wall_drifts_out_of_it_and_up_no_step() -> None:
     for away in (0.05, 0.2, 0.3):
-        kept = drift_from_walls(CLIFF, np.array([-away, 0.0]), np.array([0.3, 1.0]))
-        assert kept[0] < -0.3
+        assert drift_from_walls(CLIFF, np.array([-away, 0.0]), np.array([0.3, 1.0]))[0] < -0.3
     assert (drift_from_walls(CLIFF, np.array([-0.8, 0.0]), np.array([0.0, 1.0])) == [0.0, 1.0]).all()
 
 
@@ -94,8 +93,7 @@ def test_an_arm_in_a_wall_hangs_and_one_beside_level_ground_stays() -> None:
     places = SPORT_SKELETON.forward_kinematics(hips, before)[0]
     depth = CLIFF.height(places[:, 0], places[:, 2]) - places[:, 1]
     assert depth.max() < 0.2
-    flat = resolve_penetration(hips, stretched, stretched, Terrain.flat())
-    assert (flat == stretched).all()
+    assert (resolve_penetration(hips, stretched, stretched, Terrain.flat()) == stretched).all()
 
 
 def test_an_arm_that_can_only_hang_in_a_low_wall_is_folded_above_it() -> None:
@@ -153,8 +151,7 @@ def test_a_character_stands_beside_a_spike_that_rises_under_it() -> None:
     controller = Controller(WalkerModel(), Terrain.flat())
     heights = np.zeros((41, 41), np.float32)
     heights[20, 20] = 4.0
-    spike = Terrain("spike", heights, 0.2, (-4.0, -4.0))
-    controller.set_terrain(spike)
+    controller.set_terrain(Terrain("spike", heights, 0.2, (-4.0, -4.0)))
     x, y, z = controller.pose.root_position.tolist()
     assert 0.2 < np.hypot(x, z) < 1.5
     assert abs(y) < 0.3

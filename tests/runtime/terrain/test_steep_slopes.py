@@ -30,8 +30,7 @@ def depth(terrain: Terrain, hips: Array, local: Array) -> float:
 def test_no_knee_flips_where_a_jogger_meets_a_slope_of_45_degrees(
     rise: float, seed: int, seconds: float
 ) -> None:
-    ways = np.linspace(-20.0, 20.0, 401)
-    heights = np.clip(ways - 3.0, 0.0, 4.0) * rise
+    heights = np.clip(np.linspace(-20.0, 20.0, 401) - 3.0, 0.0, 4.0) * rise
     controller = Controller(shipped_model(), Terrain.flat(), seed=seed)
     slope = np.tile(heights.astype(np.float32), (401, 1))
     controller.set_terrain(Terrain("slope", slope, 0.1, (-20.0, -20.0)))

@@ -56,8 +56,7 @@ def test_ready_terrains_are_finite_large_and_level_where_one_starts(name):
 
 def test_hills_are_walkable_slopes():
     t = make_terrain("hills")
-    gradient = np.hypot(*np.gradient(t.heights.astype(float), t.cell_m))
-    degrees = np.degrees(np.arctan(gradient))
+    degrees = np.degrees(np.arctan(np.hypot(*np.gradient(t.heights.astype(float), t.cell_m))))
     assert 14 < np.percentile(degrees, 99) < 20
     assert degrees.max() < 26
     assert np.ptp(t.heights) > 0.8
@@ -99,8 +98,7 @@ def test_png_height_maps_keep_16_bits_and_their_orientation(tmp_path):
     np.testing.assert_allclose(t.heights, heights * 3.0, atol=3.0 / 65535)
     assert t.origin == (-1.0, -2.0)
     assert float(t.height(-1.0 + 0.5 * 4, -2.0 + 0.5 * 8)) == pytest.approx(heights[4, 8] * 3.0, abs=1e-3)
-    grey = Image.fromarray(np.array([[0, 255], [51, 102]], np.uint8))
-    grey.save(tmp_path / "grey.png")
+    Image.fromarray(np.array([[0, 255], [51, 102]], np.uint8)).save(tmp_path / "grey.png")
     heights = load_terrain(tmp_path / "grey.png", height_m=1.0).heights
     np.testing.assert_allclose(heights, [[0, 0.2], [1, 0.4]], atol=1e-6)
 
@@ -125,15 +123,13 @@ def test_a_mesh_is_sampled_at_its_highest_surface(tmp_path):
 
 
 def test_rasterising_leaves_gaps_at_the_lowest_height():
-    triangle = np.array([[[0.0, 1.0, 0.0], [2.0, 1.0, 0.0], [0.0, 3.0, 2.0]]])
-    heights = rasterise(triangle, (4, 3))
+    heights = rasterise(np.array([[[0.0, 1.0, 0.0], [2.0, 1.0, 0.0], [0.0, 3.0, 2.0]]]), (4, 3))
     np.testing.assert_allclose(heights, [[1, 2, 3], [1, 2, 1], [1, 1, 1], [1, 1, 1]])
 
 
 @pytest.mark.parametrize("mode", ["RGB", "RGBA", "P", "LA"])
 def test_colours_are_read_as_grey_with_a_note(mode, tmp_path):
-    ramp = np.tile(np.linspace(0, 255, 16).astype(np.uint8), (8, 1))
-    grey = Image.fromarray(ramp)
+    grey = Image.fromarray(np.tile(np.linspace(0, 255, 16).astype(np.uint8), (8, 1)))
     (grey.convert("RGB").convert("P") if mode == "P" else grey.convert(mode)).save(tmp_path / "map.png")
     grey.save(tmp_path / "grey.png")
     read, wanted = load_terrain(tmp_path / "map.png"), load_terrain(tmp_path / "grey.png")

@@ -47,8 +47,7 @@ def test_the_far_side_of_a_bar_is_not_a_drop() -> None:
     """Seen from its top; from the edge of a block it is one."""
     bar, block = ground(Block(3.0, 3.1, 0.5, 4.0)), ground(Block(2.0, 3.1, 0.5, 4.0))
     assert obstacle_ahead(bar, 0.0, 3.05, AHEAD, 3.0) is None
-    found = obstacle_ahead(block, 0.0, 3.05, AHEAD, 3.0)
-    assert found.kind is ObstacleKind.DOWN
+    assert obstacle_ahead(block, 0.0, 3.05, AHEAD, 3.0).kind is ObstacleKind.DOWN
 
 
 def test_a_gap_ends_where_the_ground_comes_back() -> None:

@@ -90,8 +90,7 @@ def check_body(positions: Array, rise: float, depth: float = 1.0) -> None:
 
 def check_stance(positions: Array, contacts: Array) -> None:
     """A toe or a heel in contact moves no farther than a sole rolls."""
-    feet = positions[:, [4, 5, 9, 10]]
-    way = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * FPS
+    way = np.linalg.norm(np.diff(positions[:, [4, 5, 9, 10]], axis=0), axis=-1) * FPS
     both = (contacts[1:] > 0.99) & (contacts[:-1] > 0.99)
     assert way[both].size > 0
     assert np.percentile(way[both], 95) < 0.5
@@ -143,8 +142,7 @@ def test_spread_arms_do_not_turn_over_on_their_way_to_the_edge(rise: float) -> N
 @pytest.mark.parametrize("rise", [0.6, 1.0, 1.4, -0.6, -1.0, -1.4])
 def test_soles_stand_on_the_ground(rise: float) -> None:
     """Feet that are in contact with heel and toe are as high over the ground as a flat sole."""
-    crossing = Climb(rise, -0.38, 1.0)
-    positions, contacts = played(crossing)
+    positions, contacts = played(Climb(rise, -0.38, 1.0))
     for heel, toe, side in ((4, 5, 0), (9, 10, 2)):
         flat = (contacts[:, side : side + 2] > 0.99).all(1)
         ground = np.where(positions[flat, toe, 2] > 0.0, rise, 0.0)
@@ -158,8 +156,7 @@ def test_knees_bend_forward_and_never_lock_backwards() -> None:
         for t in np.linspace(0.0, crossing.seconds, 60):
             pose = crossing.pose(float(t), moved(hips, crossing.root_z(float(t))), local)
             for joint in (3, 8):  # the shin turns back about +X of the thigh
-                shin = rotations.rotate(pose.local[joint], np.array([0.0, -1.0, 0.0]))
-                assert shin[2] < 0.05
+                assert rotations.rotate(pose.local[joint], np.array([0.0, -1.0, 0.0]))[2] < 0.05
 
 
 def test_a_track_passes_its_keys_without_overshoot() -> None:

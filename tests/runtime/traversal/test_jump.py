@@ -88,8 +88,7 @@ def test_one_press_is_one_jump_and_a_jog_stays_a_jog(model: MotionModel) -> None
 
 def test_a_jump_comes_down_on_the_ground_that_is_there(model: MotionModel) -> None:
     hills = load_terrain("hills")
-    controller = ready(model, WALK, 80, hills)
-    heights = soles(jump(controller, WALK), hills)
+    heights = soles(jump(ready(model, WALK, 80, hills), WALK), hills)
     assert heights.min() > -0.03
     assert np.abs(heights[55:]).min() < 0.02
 

@@ -22,8 +22,7 @@ def stride(kind: ObstacleKind, top: float, speed: float, stance: int = 0, farthe
     step = 0.5 * speed * seconds
     z = -takeoff_m(kind, top, speed) - farther
     raised = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(0.6))
-    toe = np.array([0.0, TOE_HEIGHT, z - step + TOE[2]])
-    back = toe - rotations.rotate(raised, TOE)
+    back = np.array([0.0, TOE_HEIGHT, z - step + TOE[2]]) - rotations.rotate(raised, TOE)
     feet = [np.array([0.0, ANKLE_HEIGHT, z]), back]
     turned = [rotations.identity(()), raised]
     sides = np.array([[0.09, 0.0, 0.0], [-0.09, 0.0, 0.0]])
@@ -86,8 +85,7 @@ def test_a_gap_is_flown_over(length: float, speed: float, beyond: float) -> None
 @pytest.mark.parametrize("top", [0.3, 0.5, -0.3, -0.5])
 def test_a_step_is_taken_with_the_whole_body(top: float) -> None:
     kind = ObstacleKind.UP if top > 0.0 else ObstacleKind.DOWN
-    leap = Leap(kind, 0.0, 0.0, top, stride(kind, 0.0, 1.2))
-    positions, _ = walked(leap)
+    positions, _ = walked(Leap(kind, 0.0, 0.0, top, stride(kind, 0.0, 1.2)))
     assert positions[0, 0, 1] == pytest.approx(HIPS, abs=0.02)
     assert positions[-1, 0, 1] == pytest.approx(HIPS + top, abs=0.13)
     assert np.abs(np.diff(positions[:, 0, 1])).max() < 0.08  # no faster than a fall

@@ -52,8 +52,7 @@ def walked(
 
 @pytest.mark.parametrize(("top", "gait"), [(0.3, Gait.WALK), (0.5, Gait.JOG)])
 def test_a_bar_is_leapt_over_without_touching_it(model: MotionModel, top: float, gait: Gait) -> None:
-    bar = Obstacle(2.2, 2.3, top, 4.0)
-    controller = Controller(model, ground(bar))
+    controller = Controller(model, ground(Obstacle(2.2, 2.3, top, 4.0)))
     positions, kinds = walked(controller, 3.7, 8.0, Controls((0.0, 1.0), gait=gait))
     assert kinds == ["bar"]
     assert positions[-1, 0, 2] > 3.5
@@ -70,8 +69,7 @@ def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
     controller = Controller(model, ground(wall))
     positions, kinds = walked(controller, 3.9, 14.0)
     assert kinds == ["climb", "descend"]
-    on_top = positions[:, 0, 1].max()
-    assert on_top == pytest.approx(1.93, abs=0.15)
+    assert positions[:, 0, 1].max() == pytest.approx(1.93, abs=0.15)
     assert positions[-1, 0, 1] == pytest.approx(0.93, abs=0.1)
     depths = traversal.depths(positions, controller.terrain, np.ones(len(positions), bool))
     assert depths["sole_p99"] < 0.5

@@ -106,8 +106,7 @@ def test_retarget_keeps_sides_posture_and_ground() -> None:
     assert knee_forward.min() > -0.01  # knees never bend backwards
     lowest = positions[:, [index("LeftToeBase"), index("RightToeBase")], 1].min(1)
     np.testing.assert_allclose(np.median(lowest), TOE_HEIGHT, atol=0.01)
-    standing = positions[0, index("LeftFoot"), 1]
-    np.testing.assert_allclose(standing, ANKLE_HEIGHT, atol=0.012)
+    np.testing.assert_allclose(positions[0, index("LeftFoot"), 1], ANKLE_HEIGHT, atol=0.012)
     np.testing.assert_allclose(world[0, index("LeftFoot"), 0], 1.0, atol=0.01)  # sole level in stance
     np.testing.assert_allclose(positions[0, 0, 1], REST_HIPS_HEIGHT, atol=0.03)
 
@@ -155,8 +154,7 @@ def test_head_lift_belongs_to_the_capture(tmp_path: Path) -> None:
     """Whichever archive a clip comes with: one more style of 100STYLE has the tilt of 100STYLE."""
     (tmp_path / "Angry_FW.bvh").write_text(march(), encoding="utf-8")
     (clip,), _ = BY_NAME["100style_more"].clips(tmp_path)
-    motion = parse_bvh(march())
-    assert skeleton_of(clip, motion).head_lift_degrees == 16.0
+    assert skeleton_of(clip, parse_bvh(march())).head_lift_degrees == 16.0
 
 
 def test_a_data_set_is_added_by_one_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -304,8 +302,7 @@ def test_spikes_split_a_clip() -> None:
     hips, local = standing(400)
     hips[200:, 0] += 2.0
     positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
-    bad = cutting.spikes(hips, local, positions, "exact")
-    parts = cutting.segments(0, 400, bad)
+    parts = cutting.segments(0, 400, cutting.spikes(hips, local, positions, "exact"))
     assert len(parts) == 2
     assert parts[0][1] < 200 < parts[1][0]
     assert cutting.segments(0, 60, np.zeros(400, bool)) == []

@@ -32,8 +32,7 @@ def imported(text: str) -> np.ndarray:
     motion = parse_bvh(text)
     source = load_source(motion, recognise(motion, "march"))
     feet = calibrate_feet([load_source(parse_bvh(march(metres_per_second=0.0)), recognise(motion, "march"))])
-    result = retarget(source, feet, None, flex_toes=False)
-    return SPORT_SKELETON.forward_kinematics(*result)[0]
+    return SPORT_SKELETON.forward_kinematics(*retarget(source, feet, None, flex_toes=False))[0]
 
 
 def test_a_straight_knee_stays_straight_and_a_bent_one_bent() -> None:
@@ -70,8 +69,7 @@ def test_a_heel_that_has_begun_to_rise_is_not_pressed_down() -> None:
 def test_heel_rise_gives_the_leg_its_length(pitch: float, ahead: float, turn: float) -> None:
     foot = pitched(np.array([1.0, 0, 0, 0]), pitch)
     toe = np.array([0.0, 0.03, 0.0])
-    wanted = pitched(foot, turn)
-    ankle = toe - rotations.rotate(wanted, FOOT_OFFSET)
+    ankle = toe - rotations.rotate(pitched(foot, turn), FOOT_OFFSET)
     hip = np.array([0.05, 0.9, ahead])
     length = np.linalg.norm(ankle - hip)
     rise = heel_rise(hip, toe, foot, np.asarray(length))
@@ -81,10 +79,8 @@ def test_heel_rise_gives_the_leg_its_length(pitch: float, ahead: float, turn: fl
 
 def test_the_trunk_leads_to_the_sources_neck() -> None:
     motion = parse_bvh(march(metres_per_second=0.0))
-    skeleton = recognise(motion, "march")
-    source = load_source(motion, skeleton)
-    feet = calibrate_feet([source])
-    result = retarget(source, feet, None, flex_toes=False)
+    source = load_source(motion, recognise(motion, "march"))
+    result = retarget(source, calibrate_feet([source]), None, flex_toes=False)
     positions, _ = SPORT_SKELETON.forward_kinematics(*result)
     ours = rotations.normalize(positions[:, index("Neck")] - positions[:, 0])
     np.testing.assert_allclose(ours, rotations.normalize(source.trunk), atol=1e-3)

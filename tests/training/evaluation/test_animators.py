@@ -43,8 +43,7 @@ def test_prompts_of_the_shipped_lists_are_read(path: Path) -> None:
     else:
         library = shipped_prompter().library
         found = {prompt: read(prompt, library)[1] for prompt in read_prompts(path)[::10]}
-        wrong = {prompt: problem for prompt, problem in found.items() if problem}
-        assert wrong == {}
+        assert {prompt: problem for prompt, problem in found.items() if problem} == {}
 
 
 def test_a_list_without_prompts_is_an_error(tmp_path: Path) -> None:

@@ -225,8 +225,7 @@ def glide(frames=120):
     """A figure in its rest pose that moves ahead at 1 m/s: root-relative, nothing moves."""
     joints = np.tile(SPORT_SKELETON.rest_positions, (frames, 1, 1)) + np.array([0.0, 1.0, 0.0])
     velocity = np.tile([0.0, 1.0, 0.0], (frames, 1))
-    still = rotations.to_6d(rotations.identity((frames, J)))
-    return RootFeatures(joints, still, velocity)
+    return RootFeatures(joints, rotations.to_6d(rotations.identity((frames, J))), velocity)
 
 
 def test_kinematic_features_of_a_gliding_figure():
@@ -274,8 +273,7 @@ def test_classifier_tells_styles_apart():
     pytest.importorskip("sklearn")
     from training.evaluation.metrics.classifiers import StyleClassifier
 
-    rng = np.random.default_rng(0)
-    features = rng.normal(size=(300, 8))
+    features = np.random.default_rng(0).normal(size=(300, 8))
     labels = [("calm", "wild", "odd")[k % 3] for k in range(300)]
     features[:, 0] += 6.0 * (np.arange(300) % 3)
     classifier = StyleClassifier(features[:200], labels[:200])

@@ -167,8 +167,7 @@ def test_the_median_of_the_walks_counts(reference: CapturedReference) -> None:
 
 # --- retrieval
 def test_codes_compare_as_equation_2_does() -> None:
-    random = np.random.default_rng(0)
-    mean, log_variance = random.standard_normal((2, 4, 6, 64))
+    mean, log_variance = np.random.default_rng(0).standard_normal((2, 4, 6, 64))
     codes = codes_of(mean, log_variance)
     both = np.concatenate([mean, np.exp(log_variance / 2)], -1).reshape(4, -1)
     cosine = both[0] @ both[1] / np.linalg.norm(both[0]) / np.linalg.norm(both[1])
@@ -256,8 +255,7 @@ def test_an_edit_of_one_part_leaves_the_others_alone(reference: CapturedReferenc
     # the whole other arm went along: few of all the joints, but all of one part
     assert leaky["most"] == pytest.approx(leaky["own"], rel=0.2)
     assert slots["all"]["most_ratio"] > 0.4
-    both_arms = {**leaky, "others": 0.3 * leaky["own"]}
-    assert by_slot([alone, both_arms])["all"]["within"] == 0.5
+    assert by_slot([alone, {**leaky, "others": 0.3 * leaky["own"]}])["all"]["within"] == 0.5
     assert alone["seed_others"] == 0.0  # one seed
     found = seed_changes({0: plain, 1: edited(motion, "left_arm.side"), 2: plain})
     assert found["left_arm"] == pytest.approx(2 / 3 * alone["own"], rel=0.2)

@@ -137,8 +137,7 @@ def test_an_exported_file_is_measured_and_shown(tmp_path: Path) -> None:
     poses = [Pose(np.array([0.0, 1.0, 0.0], np.float32), local, positions[0], *about) for _ in range(240)]
     path = tmp_path / "still.bvh"
     save_bvh(clip_of(poses, "still", (), "flat"), path)
-    found = m.measure(path, "stand 4")
-    table = m.moment_table({"prompts": {"still": [found]}, "raw": {}})
+    table = m.moment_table({"prompts": {"still": [m.measure(path, "stand 4")]}, "raw": {}})
     assert "| knee pops a minute | – | at most 1 | 0.0 |" in table
     assert "| start of a walk, 90 % after, s | – | 0.6 to 1.5 | – |" in table
 

@@ -189,8 +189,7 @@ def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, t
     tables = load_adherence(out)
     assert set(tables) == {"other", "walker"}
     found = tables["walker"]
-    tilt = part_edits()["head.tilted_right"].phrases["head"][0]
-    assert found.of(tilt, "head") > 0.5
+    assert found.of(part_edits()["head.tilted_right"].phrases["head"][0], "head") > 0.5
     assert found.of("head tilted to the right", "head") > 0.5
     assert found.of(part_edits()["head.turned_left"].phrases["head"][0], "head") < 0.1
     for part in ("left_arm", "right_arm"):

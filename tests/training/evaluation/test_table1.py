@@ -117,8 +117,7 @@ def test_one_command_trains_and_scores_every_row_with_three_seeds_and_goes_on_af
     done = list(work.done)
     assert run(TABLE1, words, "table1") == 0
     assert work.done == done  # all of it was kept
-    store = str(tmp_path / "runs" / "table1.json")
-    assert run(TABLE1, ["--known", store], "table1") == 0
+    assert run(TABLE1, ["--known", str(tmp_path / "runs" / "table1.json")], "table1") == 0
     assert capsys.readouterr().out.endswith(text[-200:])
 
 

@@ -33,8 +33,7 @@ def test_equation_1_amplitude_times_sine_and_cosine_of_the_shift():
 def test_equation_2_information_noise_contrast_in_both_directions():
     torch.manual_seed(1)
     m, t, tau = torch.randn(5, 12), torch.randn(5, 12), 0.07
-    s = torch.nn.functional.cosine_similarity(m[:, None], t[None], dim=-1)
-    e = (s / tau).exp()
+    e = (torch.nn.functional.cosine_similarity(m[:, None], t[None], dim=-1) / tau).exp()
     total = sum((e[i, i] / e[i].sum()).log() + (e[i, i] / e[:, i].sum()).log() for i in range(5))
     value = losses.contrastive(m, t, torch.eye(5, dtype=torch.bool), tau)
     assert value.item() == pytest.approx(-total.item() / 10, rel=1e-5)

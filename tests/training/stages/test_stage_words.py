@@ -48,8 +48,7 @@ def test_longer_sentences_are_made_of_trained_phrases_alone():
 def test_a_clause_that_adds_nothing_leaves_one_phrase_and_two_postures_leave_two():
     sentences = longer_sentences()
     words = "left hand resting on the hip, held still"
-    still = LongerSentence("left_arm", words, ("left hand resting on the hip",))
-    assert still in sentences
+    assert LongerSentence("left_arm", words, ("left hand resting on the hip",)) in sentences
     both = {s.text: set(s.of) for s in sentences if len(s.of) == 2}
     assert both["head lowered, turned to the left"] == {"head lowered", "head turned to the left"}
     assert not any("held still" in s.text and "swinging widely" in s.text for s in sentences)

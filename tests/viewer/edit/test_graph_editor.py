@@ -73,15 +73,13 @@ def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None
     point(app, *start)
     point(app, *start, 0, True)
     for step in range(1, 5):
-        at = [a + (b - a) * step / 4 for a, b in zip(start, end, strict=True)]
-        point(app, *at)
+        point(app, *[a + (b - a) * step / 4 for a, b in zip(start, end, strict=True)])
     point(app, *end, 0, False)
 
 
 def test_a_key_is_chosen_dragged_and_undone(app: App) -> None:
     before = curves(app)
-    goal = on_plot(app, 30, 40.0)
-    drag(app, key_place(app, HEAD_YAW, 20), goal)
+    drag(app, key_place(app, HEAD_YAW, 20), on_plot(app, 30, 40.0))
     moved = curves(app).keys(HEAD_YAW)
     (frame,) = set(moved) - {60}
     assert frame == pytest.approx(30, abs=1)
@@ -98,8 +96,7 @@ def test_keys_in_a_box_are_chosen_and_removed_by_one_step(app: App) -> None:
     before = curves(app)
     places = [key_place(app, HEAD_YAW, 60), key_place(app, HIPS_UP, 60)]
     low = (min(p[0] for p in places) - 14, min(p[1] for p in places) - 14)
-    high = (max(p[0] for p in places) + 14, max(p[1] for p in places) + 14)
-    drag(app, low, high)
+    drag(app, low, (max(p[0] for p in places) + 14, max(p[1] for p in places) + 14))
     assert {CurveKey(HEAD_YAW, 60), CurveKey(HIPS_UP, 60)} <= graph(app).chosen
     press(app, "delete")
     assert 60 not in curves(app).keys(HEAD_YAW)
@@ -133,8 +130,7 @@ def test_a_hidden_curve_is_not_chosen(app: App) -> None:
 
 def test_the_camera_is_keyed_where_its_curve_is_double_clicked(app: App) -> None:
     view = curves(app)
-    value = float(view.values(YAW, np.array([45 / 60]))[0])
-    where = on_plot(app, 45, value)
+    where = on_plot(app, 45, float(view.values(YAW, np.array([45 / 60]))[0]))
     for _ in range(2):
         hand.mouse(app.window, *where, 0, True)
         run(app, 1)

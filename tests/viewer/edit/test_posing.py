@@ -36,8 +36,7 @@ def drag(app: App, start: tuple[float, float], by: tuple[float, float]) -> None:
 
 
 def layer(app: App) -> PoseLayer:
-    take = app.takes.played
-    return take.poses.layer
+    return app.takes.played.poses.layer
 
 
 @pytest.mark.parametrize("size", SIZES)

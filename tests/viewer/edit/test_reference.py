@@ -151,8 +151,7 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
     click_on(app, "##reference look")
     choose_file(app, "Another character…", path)
-    figure = app.overlays(None, []).figure
-    assert figure.mesh is app.references.character
+    assert app.overlays(None, []).figure.mesh is app.references.character
     save_and_leave(app, tmp_path / "a.sport")
     assert app.references.character is None
     path.unlink()

@@ -82,8 +82,7 @@ def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> Non
     for at, down in ((x, None), (x, True), (x + 40.0, True), (x + 40.0, False)):
         point(app, at, y, None if down is None else 0, bool(down))
     assert references.reference.offset_s > 0.1
-    ahead = references.pose(playback)
-    later = float(ahead.hips_position[2] - pose.hips_position[2])
+    later = float(references.pose(playback).hips_position[2] - pose.hips_position[2])
     assert later == pytest.approx(1.4 * references.reference.offset_s, abs=0.03)
     app.takes.remove(2)
     assert not references.shown

@@ -236,8 +236,7 @@ def test_a_drag_snaps_to_what_is_near_unless_alt_is_held(app: App) -> None:
         point(app, x, y)
         point(app, x, y, 0, True)
         point(app, to, y)
-        held = app.transport.timeline.held
-        assert (held.snapped is None) is alt
+        assert (app.transport.timeline.held.snapped is None) is alt
         point(app, to, y, 0, False)
         app.window.inject_key("alt", False)
         assert items(app, "camera keys")[0].start == wanted

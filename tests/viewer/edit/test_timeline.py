@@ -58,8 +58,7 @@ def drag(app: App, label: str, first: float, last: float, down: float = 0.5) -> 
     """Drag on a track from one share of its width to another, at a share of its height."""
     left, y = place(app, label, share=first)
     right, _ = place(app, label, share=last)
-    top = place(app, label)[1]
-    y = top + (down - 0.5) * 26.0
+    y = place(app, label)[1] + (down - 0.5) * 26.0
     point(app, left, y)
     point(app, left, y, 0, True)
     for share in (0.5, 1.0):

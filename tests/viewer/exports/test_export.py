@@ -61,8 +61,7 @@ def test_a_glb_has_mesh_skin_motion_and_ground(start: Start, tmp_path: Path, own
         write_character(tmp_path / "me.glb", user_character())
         app.open_files([tmp_path / "me.glb"])
     path = export(app, tmp_path, ".glb", ground="inside")
-    scene = trimesh.load(str(path))
-    triangles = sorted(len(mesh.faces) for mesh in scene.geometry.values())
+    triangles = sorted(len(mesh.faces) for mesh in trimesh.load(str(path)).geometry.values())
     assert len(triangles) >= 2, "the character and the ground"
     played = play(path)
     assert len(played.times) == FRAMES

@@ -150,8 +150,7 @@ def test_typing_does_not_drive_but_function_keys_work() -> None:
 
 
 def test_a_take_has_some_keys_while_it_is_shown() -> None:
-    keys = pressed_keys("space", "left", "home", "w")
-    intent = InputMapper().read(keys, None, DT, take=True)
+    intent = InputMapper().read(pressed_keys("space", "left", "home", "w"), None, DT, take=True)
     assert set(intent.pressed) == {Action.PLAY, Action.FRAME_BACK, Action.FIRST_FRAME, Action.FORWARD}
     assert intent.look == (0.0, 0.0)
     assert intent.gait is Gait.WALK
@@ -234,8 +233,7 @@ def test_a_raw_axis_that_never_rests_is_ignored() -> None:
     glfw = StubGlfw()
     glfw.present = {1: True}
     glfw.raw[0] = -1.0  # dead: always at its end
-    state = GlfwGamepads(glfw).poll()
-    assert state.left == (0.0, 0.0)
+    assert GlfwGamepads(glfw).poll().left == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("axis", [2, 5])

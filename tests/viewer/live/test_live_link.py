@@ -219,8 +219,7 @@ def test_the_viewer_sends_every_step_and_the_pose_of_playback(start: Start, rece
     drain(receiver, 50)
     run(app, 10)
     shown = drain(receiver, 60)
-    playback = app.takes.playback
-    assert np.allclose(shown[-1].position, playback.pose().hips_position)
+    assert np.allclose(shown[-1].position, app.takes.playback.pose().hips_position)
     assert receiver.lost == 0
 
 

@@ -42,8 +42,7 @@ def test_suggestions_are_own_then_matching_then_alike_without_doubles() -> None:
         ("goose step", False, 0.31),
     ]
     assert "a proud king" not in [s.text for s in suggest("A proud king", PROMPTS)]
-    many = [f"walk {i}" for i in range(30)]
-    crowded = suggest("walk", many, (), near)
+    crowded = suggest("walk", [f"walk {i}" for i in range(30)], (), near)
     assert len(crowded) == MAX_SUGGESTIONS
     assert crowded[-1].similarity is not None  # what means the like keeps a place
 

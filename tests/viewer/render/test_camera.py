@@ -19,8 +19,7 @@ ndc = st.floats(-0.95, 0.95)
 
 @given(yaws, pitches, distances)
 def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: float, distance: float) -> None:
-    camera = OrbitCamera((1.0, 2.0, -3.0), yaw, pitch, distance)
-    view = camera.view_matrix().astype(float)
+    view = OrbitCamera((1.0, 2.0, -3.0), yaw, pitch, distance).view_matrix().astype(float)
     np.testing.assert_allclose(view[:3, :3] @ view[:3, :3].T, np.eye(3), atol=1e-5)
     assert np.linalg.det(view[:3, :3]) == pytest.approx(1.0, abs=1e-5)
     np.testing.assert_allclose(view @ [1.0, 2.0, -3.0, 1.0], [0, 0, -distance, 1], atol=1e-4 * distance)

@@ -67,8 +67,7 @@ def triangle_height_error(mesh: TerrainMesh, indices: np.ndarray, terrain: Terra
 def test_error_stays_near_a_pixel(terrain: Terrain) -> None:
     mesh = TerrainMesh(cut_window(terrain, np.zeros(2)))
     everywhere = np.ones(mesh.window.tiles, bool)
-    eye = np.array([0.0, 6.0, 0.0])
-    levels = mesh.levels(eye, RADIANS_PER_PIXEL, everywhere, 10**9)
+    levels = mesh.levels(np.array([0.0, 6.0, 0.0]), RADIANS_PER_PIXEL, everywhere, 10**9)
     assert levels.max() > 0, "something was saved"
     farthest = np.linalg.norm(np.array(terrain.extent[2:])) + 6.0
     hazed = farthest * (1 + (farthest / 25.0) ** 2)
@@ -103,8 +102,7 @@ def test_window_of_a_large_terrain_follows_the_focus_in_whole_tiles() -> None:
         np.testing.assert_allclose(window.centre, focus, atol=TILE * 0.1)
         steps = (np.array(window.origin) / (TILE * 0.1)).round(6)
         np.testing.assert_allclose(steps, steps.round(), atol=1e-4)
-    corner = cut_window(terrain, np.array([-500.0, -500.0]))
-    assert corner.origin == (0.0, 0.0)
+    assert cut_window(terrain, np.array([-500.0, -500.0])).origin == (0.0, 0.0)
 
 
 def test_invisible_tiles_are_those_behind_the_camera() -> None:

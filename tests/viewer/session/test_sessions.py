@@ -178,8 +178,7 @@ def test_two_windows_on_one_session_the_second_has_a_copy(start: Start, tmp_path
     assert titles(app) == ["named"]
     app.takes.rename(1, "of the second")
     record(app)
-    first = edits.renamed(history.present.session, 1, "of the first")
-    history.push("name", first)
+    history.push("name", edits.renamed(history.present.session, 1, "of the first"))
     other.write(history)
     copy = app.editor.file.path
     app.interrupt()

@@ -82,11 +82,13 @@ def take(path: Path, edit: Callable[[Any], None]) -> None:
     document(path, changed)
 
 
-def header(path: Path, edit: Callable[[Any], Any]) -> None:
-    """Another header for the first motion."""
-    first = f"SELECT key || ' ' || header FROM motions WHERE key NOT LIKE '%{INPUT}'"
-    key, text = value_of(path, first).split(" ", 1)
-    new = edit(json.loads(text))
+def header(path: Path, edit: Callable[[Any], Any], of: str = "NOT LIKE") -> None:
+    """Another header for the first motion, or `of` "LIKE" for the first input."""
+    at = f"motions WHERE key {of} '%{INPUT}'"
+    key, text = value_of(path, f"SELECT key || char(10) || header FROM {at}").split("\n", 1)
+    old = json.loads(text)
+    new = edit(old)
+    new = old if new is None else new
     new = new if isinstance(new, str) else json.dumps(new)
     change(path, "UPDATE motions SET header = ? WHERE key = ?", new, key)
 
@@ -205,16 +207,20 @@ def opened_without(path: Path, steps: int, frames: set[int]) -> None:
     again.close()
 
 
-@pytest.mark.parametrize("case", DOCUMENTS)
-def test_a_session_opens_at_the_step_before_a_document_that_lies(case: str, path: Path) -> None:
-    document(path, DOCUMENTS[case])
-    opened_without(path, 2, {20, 90})
+LIES = [
+    *(pytest.param(document, edit, 2, id=f"a document: {case}") for case, edit in DOCUMENTS.items()),
+    *(pytest.param(take, edit, 3, id=f"a take: {case}") for case, edit in TAKES.items()),
+    *(pytest.param(header, edit, 3, id=f"a header: {case}") for case, edit in HEADERS.items()),
+]
 
 
-@pytest.mark.parametrize("case", TAKES)
-def test_of_a_take_that_lies_the_motion_stays(case: str, path: Path) -> None:
-    take(path, TAKES[case])
-    opened_without(path, 3, {20, 90})
+@pytest.mark.parametrize(("put", "edit", "steps"), LIES)
+def test_a_session_opens_without_what_lies(
+    put: Callable[[Path, Any], None], edit: Callable[[Any], Any], steps: int, path: Path
+) -> None:
+    """At the step before a document; of a take the motion stays, and a motion has another header."""
+    put(path, edit)
+    opened_without(path, steps, {20, 90})
 
 
 def test_a_take_of_an_older_program_has_no_rating_and_no_note(path: Path) -> None:
@@ -287,12 +293,6 @@ def test_what_is_handed_over_follows_no_link(tmp_path: Path, monkeypatch: pytest
     assert mine.read_text() == "mine"
     assert not beside.is_symlink()
     assert own.is_symlink()
-
-
-@pytest.mark.parametrize("case", HEADERS)
-def test_a_motion_whose_header_lies_is_there_with_another_one(case: str, path: Path) -> None:
-    header(path, HEADERS[case])
-    opened_without(path, 3, {20, 90})
 
 
 def test_a_step_that_is_at_none_is_the_last_one(path: Path) -> None:
@@ -419,11 +419,7 @@ INPUTS: dict[str, Callable[[Any], Any]] = {
 
 @pytest.mark.parametrize("case", INPUTS)
 def test_an_input_that_lies_is_one_sentence_and_its_take_still_plays(case: str, path: Path) -> None:
-    text = json.loads(value_of(path, f"SELECT header FROM motions WHERE key LIKE '%{INPUT}'"))
-    made = INPUTS[case](text)
-    made = text if made is None else made
-    made = made if isinstance(made, str) else json.dumps(made)
-    change(path, f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'", made)
+    header(path, INPUTS[case], "LIKE")
     with bounded():
         said = looked_at(path)
     assert len(said) == 1  # of the two takes of this motion the second has no input any more
@@ -432,9 +428,7 @@ def test_an_input_that_lies_is_one_sentence_and_its_take_still_plays(case: str, 
 
 
 def test_what_is_named_a_hundred_times_is_made_once(path: Path) -> None:
-    text = json.loads(value_of(path, f"SELECT header FROM motions WHERE key LIKE '%{INPUT}'"))
-    text["keyframes"] *= 100
-    change(path, f"UPDATE motions SET header = ? WHERE key LIKE '%{INPUT}'", json.dumps(text))
+    header(path, lambda v: v | {"keyframes": v["keyframes"] * 100}, "LIKE")
     file, history = SessionFile.open(path, path.parent / "cache")
     inputs = history.present.session.takes[0].made.inputs
     assert len({id(key.snapshot) for key in inputs.keyframes}) == 1

@@ -102,29 +102,27 @@ def test_neutral_stays_neutral() -> None:
 CODE = {"part": "head", "lead": 0.0, "gain": 1.0, "gain_beside": 1.0, "spread": 0.2, "code": [0.0] * 64}
 
 
+WRONG = (
+    {"part": "tail"},
+    {"code": [0.0] * 63},
+    {"lead": 7.0},
+    {"gain": 9.0},
+    {"gain": 0.5},
+    {"gain_beside": 9.0},
+)
+LESS = [{"part": "head", "lead": 0.0, "gain": 1.0, "code": [0.0] * 64}]
+
+
 @pytest.mark.parametrize(
     "section",
     [
         {"phase": [1, 1, 1, 1], "codes": []},
         {"phase": [1, 1, 0.5, 1, 1], "codes": []},
-        *(
-            {"phase": [1] * C, "codes": [CODE | changed]}
-            for changed in (
-                {"part": "tail"},
-                {"code": [0.0] * 63},
-                {"lead": 7.0},
-                {"gain": 9.0},
-                {"gain": 0.5},
-                {"gain_beside": 9.0},
-                {"spread": 1.5},
-                {"spread": None},
-            )
-        ),
-        {"phase": [1] * C, "codes": [{"part": "head", "lead": 0.0, "gain": 1.0, "code": [0.0] * 64}]},
-        {"phase": [1] * C, "codes": 3},
+        *({"phase": [1] * C, "codes": [CODE | changed]} for changed in (*WRONG, {"spread": 1.5}, {"spread": None})),
+        *({"phase": [1] * C, "codes": codes} for codes in (LESS, 3)),
         [],
     ],
-)
+)  # fmt: skip
 def test_a_damaged_section_is_named(section: object, tmp_path: Path) -> None:
     folder = tmp_path / "model"
     shutil.copytree(model_folder(), folder)

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from runtime.prompts.content import GROUPS, MIN_PRESENT_VALUE, PromptEncoder, direction_words
+from runtime.prompts.parts import PartDescriptions
+from tests.helpers.graphs import save_graph
 
 NAMES = [name for name, _ in GROUPS]
 
@@ -25,41 +27,16 @@ def test_words_are_whole_words():
 
 def test_no_word_is_in_both_groups_of_a_pair():
     groups = dict(GROUPS)
-    pairs = (
-        "left right",
-        "forward back",
-        "up down",
-        "out in",
-        "much little",
-        "bent straight",
-        "fast slow",
-        "still moving",
-    )
-    for first, second in (pair.split() for pair in pairs):
+    pairs = "left right, forward back, up down, out in, much little, bent straight, fast slow, still moving"
+    for first, second in (pair.split() for pair in pairs.split(", ")):
         assert not groups[first] & groups[second]
 
 
 def _network(path, size):
     """z = the last number of every sentence, in all 64 places."""
-    onnx = pytest.importorskip("onnx")
-    from onnx import TensorProto, helper, numpy_helper
-
-    graph = helper.make_graph(
-        [
-            helper.make_node("Gather", ["embeddings", "last"], ["one"], axis=2),
-            helper.make_node("Expand", ["one", "shape"], ["z"]),
-        ],
-        "last",
-        [helper.make_tensor_value_info("embeddings", TensorProto.FLOAT, ["n", 6, size])],
-        [helper.make_tensor_value_info("z", TensorProto.FLOAT, ["n", 6, 64])],
-        [
-            numpy_helper.from_array(np.array([size - 1]), "last"),
-            numpy_helper.from_array(np.array([1, 6, 64]), "shape"),
-        ],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8)
-    onnx.save(model, str(path))
-    return path
+    nodes = [("Gather", "embeddings last", "one", {"axis": 2}), ("Expand", "one shape", "z", {})]
+    constants = {"last": np.array([size - 1]), "shape": np.array([1, 6, 64])}
+    return save_graph(path, nodes, {"embeddings": ["n", 6, size]}, {"z": ["n", 6, 64]}, constants)
 
 
 class _Words:
@@ -70,8 +47,6 @@ class _Words:
 
 
 def test_a_network_gets_them_if_it_was_trained_with_them(tmp_path):
-    from runtime.prompts.parts import PartDescriptions
-
     text = PartDescriptions(*["both feet stepping"] * 6)
     plain = PromptEncoder(_Words(), _network(tmp_path / "plain.onnx", 4)).encode(text)
     words = PromptEncoder(_Words(), _network(tmp_path / "words.onnx", 4 + len(GROUPS))).encode(text)

@@ -17,6 +17,7 @@ from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.service import PromptWorker
 from runtime.skeleton import PART_NAMES
+from tests.helpers.graphs import save_graph
 from tests.helpers.shipped import shipped_encoder, shipped_library
 
 _SHARED = shipped_encoder()
@@ -35,17 +36,12 @@ def test_mapping_json_and_tuple_agree() -> None:
     assert DESCRIPTIONS.as_tuple()[PART_NAMES.index("torso")] == DESCRIPTIONS.torso
 
 
+PARTS = DESCRIPTIONS.to_mapping()
+HEADS = (7, "  ", "x" * 301, "down\x07", "\ud800")
+
+
 @pytest.mark.parametrize(
-    "bad",
-    [
-        {},
-        {**DESCRIPTIONS.to_mapping(), "tail": "wagging"},
-        {**DESCRIPTIONS.to_mapping(), "head": 7},
-        {**DESCRIPTIONS.to_mapping(), "head": "  "},
-        {**DESCRIPTIONS.to_mapping(), "head": "x" * 301},
-        {**DESCRIPTIONS.to_mapping(), "head": "down\x07"},
-        {**DESCRIPTIONS.to_mapping(), "head": "\ud800"},
-    ],
+    "bad", [{}, PARTS | {"tail": "wagging"}, *(PARTS | {"head": head} for head in HEADS)]
 )
 def test_unusable_descriptions_are_refused(bad: dict[str, object]) -> None:
     with pytest.raises(PromptError):
@@ -84,24 +80,14 @@ def test_mirroring_twice_is_nothing(words: list[str]) -> None:
 # --- content network and worker
 def _network(path: Path, size: int = 384, gain: float = 1.0) -> Path:
     """A stand-in for the trained network: z is the first 64 numbers of each embedding, times `gain`."""
-    onnx = pytest.importorskip("onnx")
-    from onnx import TensorProto, helper, numpy_helper
-
-    values = {"start": [0], "stop": [64], "axis": [2]}
-    constants = {n: np.array(v) for n, v in values.items()} | {"gain": np.float32(gain)}
-    graph = helper.make_graph(
-        [
-            helper.make_node("Slice", ["embeddings", "start", "stop", "axis"], ["cut"]),
-            helper.make_node("Mul", ["cut", "gain"], ["z"]),
-        ],
-        "content",
-        [helper.make_tensor_value_info("embeddings", TensorProto.FLOAT, ["n", 6, size])],
-        [helper.make_tensor_value_info("z", TensorProto.FLOAT, ["n", 6, 64])],
-        [numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    onnx.save(model, path)
-    return path
+    nodes = [("Slice", "embeddings start stop axis", "cut", {}), ("Mul", "cut gain", "z", {})]
+    constants = {
+        "start": np.array([0]),
+        "stop": np.array([64]),
+        "axis": np.array([2]),
+        "gain": np.float32(gain),
+    }
+    return save_graph(path, nodes, {"embeddings": ["n", 6, size]}, {"z": ["n", 6, 64]}, constants)
 
 
 def test_content_code_of_descriptions(tmp_path: Path) -> None:
@@ -109,15 +95,14 @@ def test_content_code_of_descriptions(tmp_path: Path) -> None:
     np.testing.assert_allclose(z, _SHARED.encode(DESCRIPTIONS.as_tuple())[:, :64], atol=1e-6)
 
 
-def test_a_network_of_another_text_encoder_is_refused(tmp_path: Path) -> None:
-    encoder = PromptEncoder(_SHARED, _network(tmp_path / "clip.onnx", size=512))
-    with pytest.raises(ModelError, match=r"clip\.onnx.*all-MiniLM"):
-        encoder.encode(DESCRIPTIONS)
-
-
-def test_numbers_that_are_not_finite_are_refused(tmp_path: Path) -> None:
-    encoder = PromptEncoder(_SHARED, _network(tmp_path / "nan.onnx", gain=float("nan")))
-    with pytest.raises(ModelError, match=r"nan\.onnx"):
+@pytest.mark.parametrize(
+    ("network", "said"),
+    [({"size": 512}, r"net\.onnx.*all-MiniLM"), ({"gain": float("nan")}, r"net\.onnx")],
+    ids=["of another text encoder", "numbers that are not finite"],
+)
+def test_a_network_that_cannot_be_used_is_refused(tmp_path: Path, network: dict, said: str) -> None:
+    encoder = PromptEncoder(_SHARED, _network(tmp_path / "net.onnx", **network))
+    with pytest.raises(ModelError, match=said):
         encoder.encode(DESCRIPTIONS)
 
 

@@ -9,8 +9,9 @@ import pytest
 
 from runtime.errors import FileError, ModelError
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder, library_encoder, text_encoder_of
+from tests.helpers.graphs import save_graph
 
-onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnx")
 WORDS = ("[START]", "[END]", "left", "right", "arm", "raised", "hanging")
 CLIP = {"name": "stand-in", "dimensions": 512}
 
@@ -28,25 +29,18 @@ def write_tokenizer(path: Path) -> None:
 
 def write_encoder(folder: Path, size: int = 512, **metadata: object) -> Path:
     """A text encoder folder whose network averages random word vectors of `size` numbers."""
-    from onnx import TensorProto, helper, numpy_helper
-
     folder.mkdir(parents=True, exist_ok=True)
     table = np.random.default_rng(0).standard_normal((len(WORDS), size)).astype(np.float32)
     nodes = [
-        helper.make_node("Gather", ["table", "input_ids"], ["words"]),
-        helper.make_node("Cast", ["attention_mask"], ["mask"], to=TensorProto.FLOAT),
-        helper.make_node("Unsqueeze", ["mask", "last"], ["weights"]),
-        helper.make_node("Mul", ["words", "weights"], ["kept"]),
-        helper.make_node("ReduceSum", ["kept", "middle"], ["embeddings"], keepdims=0),
+        ("Gather", "table input_ids", "words", {}),
+        ("Cast", "attention_mask", "mask", {"to": 1}),  # real numbers
+        ("Unsqueeze", "mask last", "weights", {}),
+        ("Mul", "words weights", "kept", {}),
+        ("ReduceSum", "kept middle", "embeddings", {"keepdims": 0}),
     ]
-    names, shape = ("input_ids", "attention_mask"), ["n", "length"]
-    inputs = [helper.make_tensor_value_info(n, TensorProto.INT64, shape) for n in names]
-    output = helper.make_tensor_value_info("embeddings", TensorProto.FLOAT, ["n", size])
-    values = {"table": table, "last": np.array([2]), "middle": np.array([1])}
-    constants = [numpy_helper.from_array(value, name) for name, value in values.items()]
-    graph = helper.make_graph(nodes, "tower", inputs, [output], constants)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    onnx.save(model, folder / "tower.onnx")
+    inputs = {name: ["n", "length"] for name in ("input_ids", "attention_mask")}
+    constants = {"table": table, "last": np.array([2]), "middle": np.array([1])}
+    save_graph(folder / "tower.onnx", nodes, inputs, {"embeddings": ["n", size]}, constants, whole=True)
     write_tokenizer(folder / "tokenizer.json")
     values = {**CLIP, "max_tokens": 77, "graph": "tower.onnx", **metadata}
     (folder / "text_encoder.json").write_text(json.dumps(values), "utf-8")

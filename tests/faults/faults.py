@@ -114,7 +114,8 @@ def takes_in(folder: Path, problems: list[str]) -> list[list[Take]]:
 
 def _killed(recorder: Recorder, takes: int, edits: bool = False) -> Outcome:
     """What the session of a killed process has of what it had reported."""
-    outcome = Outcome(recorder.frames / FPS, recorder.wait(), "sessions", recorder.said)
+    code = recorder.wait()
+    outcome = Outcome(recorder.frames / FPS, code, "sessions", recorder.said)
     outcome.problems += [f"it did not end within {START_S:.0f} s"] * recorder.stuck
     found = takes_in(recorder.config / "sessions", outcome.problems)
     if [len(session) for session in found] == [takes]:

@@ -17,6 +17,13 @@ from tests.helpers.full_session import history_of, written
 from tests.helpers.gltf_characters import user_character
 
 
+def write_gltf(path: Path, *uris: str) -> Path:
+    """A document that refers to these images."""
+    document = {"asset": {"version": "2.0"}, "images": [{"uri": uri} for uri in uris]}
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return path
+
+
 @pytest.mark.parametrize(
     "name",
     ["a:b.glb", "what?.glb", 'say "hi".glb', "<x>|*.glb", "back\\slash.glb", "n" * 240 + ".glb", "ü" * 120 + ".glb", ".glb.glb",
@@ -43,10 +50,7 @@ def test_files_that_a_character_refers_to_get_names_that_can_be_kept(tmp_path: P
     source = tmp_path / "source"
     (source / "tex:tures").mkdir(parents=True)
     (source / "tex:tures" / "skin?.png").write_bytes(b"PNG")
-    images = [{"uri": "tex:tures/skin%3F.png"}, {"uri": "../secret.png"}]
-    document = {"asset": {"version": "2.0"}, "images": images}
-    (source / "me.gltf").write_text(json.dumps(document), encoding="utf-8")
-    files = read_character_files(source / "me.gltf")
+    files = read_character_files(write_gltf(source / "me.gltf", "tex:tures/skin%3F.png", "../secret.png"))
     assert list(files) == ["me.gltf", "file 1.png"]
     assert json.loads(files["me.gltf"])["images"][0]["uri"] == "file%201.png"
 
@@ -55,9 +59,7 @@ def test_names_that_are_one_file_elsewhere_are_kept_apart(tmp_path: Path) -> Non
     names = ["skin.png", "SKIN.png", "é.png", "e\u0301.png", "file 1.png"]
     for number, name in enumerate(names):
         (tmp_path / name).write_bytes(bytes([number]))
-    document = {"asset": {"version": "2.0"}, "images": [{"uri": quote(name)} for name in names]}
-    (tmp_path / "me.gltf").write_text(json.dumps(document), encoding="utf-8")
-    files = read_character_files(tmp_path / "me.gltf")
+    files = read_character_files(write_gltf(tmp_path / "me.gltf", *map(quote, names)))
     assert len({normalize("NFC", name).casefold() for name in files}) == 1 + len(names)
     uris = [image["uri"] for image in json.loads(files["me.gltf"])["images"]]
     assert [files[unquote(uri)] for uri in uris] == [bytes([number]) for number in range(len(names))]
@@ -69,10 +71,7 @@ def test_a_characters_files_come_out_in_a_folder_of_their_own(tmp_path: Path) ->
     (source / "textures" / "skin.png").write_bytes(b"PNG")
     (source / "me.joints.json").write_text("{}", encoding="utf-8")
     (source / "other.json").write_text("{}", encoding="utf-8")
-    images = [{"uri": "textures/skin.png"}, {"uri": "../secret.png"}]
-    document = {"asset": {"version": "2.0"}, "images": images}
-    (source / "me.gltf").write_text(json.dumps(document), encoding="utf-8")
-    files = read_character_files(source / "me.gltf")
+    files = read_character_files(write_gltf(source / "me.gltf", "textures/skin.png", "../secret.png"))
     assert list(files) == ["me.gltf", "textures/skin.png", "me.joints.json"]
     path = write_character_files(files, tmp_path / "cache")
     assert (path.name, path.parent.parent) == ("me.gltf", tmp_path / "cache")

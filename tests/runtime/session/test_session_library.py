@@ -18,14 +18,8 @@ from runtime.session.stored_rows import Writer
 def untitled(folder: Path, work: Callable[[Writer], None] | None = None, close: bool = True) -> Database:
     """A session of two takes in `folder`."""
     session = Database.create(new_path(folder))
-
-    def filled(writer: Writer) -> None:
-        writer.put_step(0, "Record", "{}")
-        values = {"name": "stairs", "takes": "2", "seconds": "3.5", "ended": "1", "picture": b"PNG"}
-        for name, value in values.items():
-            writer.set_meta(name, value)
-
-    session.submit(work or filled)
+    values = {"name": "stairs", "takes": "2", "seconds": "3.5", "ended": "1", "picture": b"PNG"}
+    session.submit(work or of_meta("Record", **values))
     assert session.flush()
     if close:
         assert session.close()
@@ -52,7 +46,8 @@ def test_a_session_without_a_summary_may_hold_work(tmp_path: Path) -> None:
 
 def test_a_session_that_is_open_is_not_found_nor_removed(tmp_path: Path) -> None:
     held = untitled(tmp_path, close=False)
-    assert [summary.path for summary in find(tmp_path)] == [untitled(tmp_path).path]
+    closed = untitled(tmp_path)
+    assert [summary.path for summary in find(tmp_path)] == [closed.path]
     keep_newest(tmp_path, 0)
     keep_newest(tmp_path, 0)
     remove(held.path)
@@ -82,11 +77,11 @@ def test_a_session_that_was_cut_off_is_found_with_what_its_log_holds(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-def of_meta(**values: str) -> Callable[[Writer], None]:
+def of_meta(label: str = "", **values: str | bytes) -> Callable[[Writer], None]:
     """A session of one step with these values."""
 
     def work(writer: Writer) -> None:
-        writer.put_step(0, "", "{}")
+        writer.put_step(0, label, "{}")
         for name, value in values.items():
             writer.set_meta(name, value)
 
@@ -127,25 +122,10 @@ def test_without_the_list_of_what_was_offered_nothing_is_removed(tmp_path: Path)
         file.unlink() if content is None else file.write_text(content)
 
 
-def many(writer: Writer) -> None:
-    writer.put_step(0, "", "")
-    writer.set_meta("takes", "many")
-
-
-def heavy(writer: Writer) -> None:
-    writer.put_step(0, "", "")
-    writer.set_meta("picture", bytes(9 << 20))
-
-
-def endless(writer: Writer) -> None:
-    writer.put_step(0, "", "")
-    writer.set_meta("seconds", "inf")
-
-
 def test_a_summary_costs_little_and_its_numbers_can_be_shown(tmp_path: Path) -> None:
-    untitled(tmp_path, heavy)
+    untitled(tmp_path, of_meta(picture=bytes(9 << 20)))
     assert find(tmp_path)[0].damaged
-    untitled(tmp_path, endless)
+    untitled(tmp_path, of_meta(seconds="inf"))
     assert find(tmp_path)[0].seconds == 1e9
 
 
@@ -153,7 +133,7 @@ def test_empty_sessions_go_and_what_cannot_be_read_is_offered_as_damaged(tmp_pat
     for work in (lambda writer: writer.set_meta("name", "empty"), of_meta(takes="0", edits="")):
         untitled(tmp_path, work)
     (tmp_path / "20200101-000000-0000-x.sport").write_bytes(b"of another program")
-    untitled(tmp_path, many)
+    untitled(tmp_path, of_meta(takes="many"))
     (tmp_path / "folder.sport").mkdir()
     assert [(summary.damaged, summary.has_motions) for summary in find(tmp_path)] == [(True, True)] * 2
     assert len(list(tmp_path.iterdir())) == 3

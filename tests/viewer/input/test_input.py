@@ -76,15 +76,22 @@ def test_strafe_faces_the_camera_direction() -> None:
     assert to_controls(Intent(move=(1.0, 0.0), strafe=True), 0.0).facing == pytest.approx((0.0, 1.0))
 
 
-def test_two_keys_do_not_walk_faster_than_one() -> None:
-    both = InputMapper().read(pressed_keys("w", "d"), None, DT)
-    assert math.hypot(*both.move) == pytest.approx(1.0)
-    assert InputMapper().read(pressed_keys("w", "s"), None, DT).move == (0.0, 0.0)
-
-
-def test_gaits_of_the_keyboard() -> None:
-    assert InputMapper().read(pressed_keys("w"), None, DT).gait is Gait.WALK
-    assert InputMapper().read(pressed_keys("w", "shift"), None, DT).gait is Gait.JOG
+@pytest.mark.parametrize(
+    ("keys", "move", "gait"),
+    [
+        ("w", (0.0, 1.0), Gait.WALK),
+        ("w shift", (0.0, 1.0), Gait.JOG),
+        ("w d", (0.5**0.5, 0.5**0.5), Gait.WALK),  # no faster than one
+        ("w s", (0.0, 0.0), Gait.WALK),
+    ],
+)
+@pytest.mark.parametrize("resting", [None, GamepadState("pad", left=(0.05, -0.04), right=(0.02, 0.0))])
+def test_keys_walk_beside_a_pad_that_rests(
+    keys: str, move: tuple[float, float], gait: Gait, resting: GamepadState | None
+) -> None:
+    intent = InputMapper().read(pressed_keys(*keys.split(" ")), resting, DT)
+    assert intent.move == pytest.approx(move)
+    assert intent.gait is gait
 
 
 def test_keys_of_a_shortcut_do_nothing_of_their_own() -> None:
@@ -132,11 +139,6 @@ def test_pad_drives_everything() -> None:
     assert mapper.read(keyboard, button, DT).pressed == ()  # held, not pressed again
     assert mapper.read(keyboard, None, DT).pressed == ()  # unplugged
     assert mapper.read(keyboard, button, DT).pressed == (Action.RECORD,)
-
-
-def test_a_resting_pad_leaves_the_keys_alone() -> None:
-    drift = GamepadState("pad", left=(0.05, -0.04), right=(0.02, 0.0))
-    assert InputMapper().read(pressed_keys("w"), drift, DT).move == (0.0, 1.0)
 
 
 def test_typing_does_not_drive_but_function_keys_work() -> None:

@@ -20,10 +20,10 @@ from tests.helpers.app_driver import (
     click_on,
     do,
     drawn,
-    hold,
     message,
     place,
     press,
+    record,
     run,
     save_and_leave,
     type_in,
@@ -41,9 +41,7 @@ from viewer.services import Services
 
 def with_take(app: App) -> App:
     """A take of about a second that plays, paused at its first frame."""
-    app.takes.toggle_recording()
-    hold(app, "w", 70)
-    app.takes.toggle_recording()
+    record(app, 70)
     do(app, "play 1; run 3")
     app.takes.playback.seek(0)
     return app

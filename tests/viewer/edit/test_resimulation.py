@@ -13,7 +13,7 @@ from runtime.session.session_file import SessionFile
 from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-from tests.helpers.app_driver import click_on, do, hold, place, point, press, run
+from tests.helpers.app_driver import click_on, do, place, point, press, record, run
 from viewer.app import App
 from viewer.exports.exporting import ExportForm
 from viewer.filming.shots import FilmOptions, camera_path
@@ -25,9 +25,7 @@ def app(desk: App) -> App:
     desk.sessions.new()
     desk.scene.reset_character()
     run(desk, 2)
-    desk.takes.toggle_recording()
-    hold(desk, "w", 70)
-    desk.takes.toggle_recording()
+    record(desk, 70)
     desk.takes.play(1)
     run(desk, 3)
     return desk

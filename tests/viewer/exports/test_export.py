@@ -11,7 +11,7 @@ import trimesh
 from runtime.character.writer import write_character
 from runtime.formats.table import FORMATS
 from runtime.skeleton import SPORT_SKELETON
-from tests.helpers.app_driver import Start, click_on, do, message, press, run, run_until, texts
+from tests.helpers.app_driver import Start, click_on, do, message, press, record, run, run_until, texts
 from tests.helpers.glb_playback import play
 from tests.helpers.gltf_characters import user_character
 from viewer.app import App
@@ -25,11 +25,7 @@ REAL = {"load_character": Services().load_character}
 def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     """Record a walk, choose a format in the window as a person would, and press Export."""
     app.settings.export_folder = str(folder)
-    app.takes.toggle_recording()
-    app.window.inject_key("w", True)
-    run(app, FRAMES)
-    app.window.inject_key("w", False)
-    app.takes.toggle_recording()
+    record(app, FRAMES)
     do(app, "run 2; click ##more formats")
     if app.exporting.form.suffix != suffix:
         click_on(app, "##export format")

@@ -1,5 +1,7 @@
 """Arms that are edited towards their description: places of hands, elbows and swing; and what is left alone."""
 
+from __future__ import annotations
+
 from functools import cache
 
 import numpy as np

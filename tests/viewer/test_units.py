@@ -9,13 +9,15 @@ import pytest
 
 from runtime.controls import Controls
 from runtime.errors import UsageError
+from runtime.session.motion import Motion
+from runtime.session.session import Take
+from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from tests.helpers.viewer_fakes import FakeController
 from viewer.exports.bvh_export import export_target, file_stem, free_path
 from viewer.gui.layout import Rect, arrange, framing
 from viewer.gui.status import Stats
 from viewer.gui.widgets import clock
-from viewer.messages import Messages
 from viewer.scene.simulation import MAX_STEPS, Simulation, interpolate
 from viewer.session.playback import Playback
 from viewer.settings import config_directory
@@ -25,19 +27,6 @@ def test_config_directory_obeys_the_environment() -> None:
     assert config_directory({"SPORT_CONFIG_DIR": "/a"}) == Path("/a")
     assert config_directory({"XDG_CONFIG_HOME": "/b"}) == Path("/b/sport-viewer")
     assert config_directory({}) == Path(os.path.expanduser("~/.config/sport-viewer"))
-
-
-def test_errors_stay_and_notes_fade() -> None:
-    now = [0.0]
-    messages = Messages(clock=lambda: now[0])
-    messages.error("a\nb", topic="a state")
-    now[0] = 1000.0
-    assert messages.current.text == "a b"
-    messages.note("fine")
-    assert messages.current.text == "fine"
-    messages.settle("a state")
-    now[0] = 2000.0
-    assert messages.current is None
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.25, 2.0])
@@ -102,7 +91,6 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
         fake = simulation.controller
         assert isinstance(fake, FakeController)
         begin = fake.steps
-
         for _ in range(round(rate * 2)):
             simulation.advance(1.0 / rate, Controls(move=(0.0, 1.0)))
         assert fake.steps - begin == pytest.approx(120, abs=1)
@@ -111,7 +99,6 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
 
 def test_interpolated_poses_keep_bone_lengths() -> None:
     fake = FakeController(Terrain.flat())
-
     a = fake.step(Controls())
     b = fake.step(Controls(move=(1.0, 0.0)))
     middle = interpolate(a, b, 0.5)
@@ -122,10 +109,6 @@ def test_interpolated_poses_keep_bone_lengths() -> None:
 
 
 def test_playback_loops_between_its_marks() -> None:
-    from runtime.session.motion import Motion
-    from runtime.session.session import Take
-    from runtime.takes.recorder import ClipRecorder
-
     fake, recorder = FakeController(Terrain.flat()), ClipRecorder()
     for _ in range(61):
         recorder.add(fake.step(Controls(move=(0.0, 1.0))))

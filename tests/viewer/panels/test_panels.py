@@ -179,9 +179,12 @@ def test_the_first_minute_ticks_itself_off_and_does_not_come_back(app: App, tmp_
 def test_a_message_leaves_when_it_holds_no_longer() -> None:
     now = [0.0]
     messages = Messages(clock=lambda: now[0])
-    messages.error("no such ground", "terrain")
+    messages.error("no such\nground", "terrain")
     now[0] = 1000.0
-    assert messages.current is not None  # an error stays
+    assert messages.current.text == "no such ground"  # an error stays
+    messages.note("fine")
+    assert messages.current.text == "fine"
+    now[0] = 2000.0  # it has faded
     messages.settle("model")
     assert messages.current is not None
     messages.settle("terrain")

@@ -137,8 +137,8 @@ def bomb_glb_of_300_primitives(path: Path) -> Callable[[], object]:
     values = {"POSITION": 0.0, "JOINTS_0": 0, "WEIGHTS_0": 0.25}
     attributes = {}
     for name, (component, kind, size) in kinds.items():
-        kind, bytes_each = (np.uint16, 2) if component == 5123 else (np.float32, 4)
-        data = np.full(count * size // bytes_each, values[name]).astype(kind)
+        number, each = (np.uint16, 2) if component == 5123 else (np.float32, 4)
+        data = np.full(count * size // each, values[name]).astype(number)
         document["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": data.nbytes})
         document["accessors"].append(
             {"bufferView": len(document["bufferViews"]) - 1, "componentType": component, "count": count,

@@ -36,5 +36,5 @@ def check_golden(name: str, picture: np.ndarray, mean: float = 1.5, far: float =
         FAILURES.mkdir(exist_ok=True)
         shown = np.clip(4 * difference, 0, 255).astype(np.uint8)
         save_png(np.hstack([picture, golden.astype(np.uint8), shown]), FAILURES / f"{name}.png")
-        far = f"mean difference {difference.mean():.2f}, {far_off:.1%} far off"
-        pytest.fail(f"{name}: {far}; see {FAILURES}.{UPDATE}")
+        told = f"mean difference {difference.mean():.2f}, {far_off:.1%} far off"
+        pytest.fail(f"{name}: {told}; see {FAILURES}.{UPDATE}")

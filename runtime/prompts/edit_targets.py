@@ -41,6 +41,8 @@ from runtime.skeleton import PART_NAMES
 HAND = "hand"
 ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
 LEAN_FRACTION = 0.25  # of what captured leans range over, that a lean forward and a jog are asked for
+# metres from its place within which a hand is left alone: the farthest of one that is held, and of one that the edit places
+MAX_NEAR_M, PLACED_NEAR_M = 0.1, 0.03
 PLAIN_ARM = "{side} arm hanging relaxed at the side, swinging naturally with the steps"
 PLAIN_TORSO = "torso upright and relaxed, shoulders level"
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"

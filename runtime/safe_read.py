@@ -7,7 +7,7 @@ import math
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeGuard
@@ -94,14 +94,22 @@ def decode_text(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS, kind: type[dict[str, Any]] = dict) -> Any:
-    """Parse JSON in UTF-8, creating objects as `kind`.
+def parse_json(
+    data: str | bytes,
+    max_items: int = MAX_JSON_ITEMS,
+    kind: type[dict[str, Any]] = dict,
+    spend: Callable[[int], None] = lambda _: None,
+) -> Any:
+    """Return the value of a JSON text in UTF-8, its objects as `kind`.
 
-    Raises ValueError for anything that is not JSON, too deep, or has more than `max_items` items.
+    ValueError for all that is not JSON, too deep or of more than `max_items` items. `spend` gets how many there are, before
+    they are made.
     """
     text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
-    if sum(text.count(sign) for sign in "[{,") > max_items:
+    items = sum(text.count(sign) for sign in "[{,")
+    if items > max_items:
         raise ValueError(f"more than {max_items} items")
+    spend(items)
     many = re.search(rf"\d{{{MAX_DIGITS // SAMPLED}}}", text[::SAMPLED], re.ASCII)
     large = _integer if many else None  # Python's own is three times as fast
     try:

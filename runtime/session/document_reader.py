@@ -74,35 +74,25 @@ _LATER = {  # fields that older files lack
 }  # fmt: skip
 
 
+Form = Callable[["DocumentReader", Json], Any]
+
+
 @dataclass
 class DocumentReader:
     """Reads what a `DocumentWriter` wrote; `motion` finds a motion by key. Raises FileError for an invalid session."""
 
     blobs: BlobReader
     motion: Callable[[str], Motion]
-    _forms: dict[Any, Callable[[Json], Any]] = field(init=False)  # of what is no record
     left_out: set[str] = field(default_factory=set)  # references of takes that cannot be read
     _takes: dict[str, Take] = field(default_factory=dict)  # the others, by theirs
-
-    def __post_init__(self) -> None:
-        self._forms = {
-            Motion: lambda value: self.motion(read_text(value, MAX_TEXT_CHARACTERS)),
-            Ground: self._ground,
-            OwnSkeleton: self._own,
-            PartDescriptions: PartDescriptions.from_mapping,
-            NDArray[np.float32]: self._code,
-            bool: lambda value: value is True,
-            int: read_whole,
-            float: read_number,
-        }
 
     def session(self, text: str) -> Session:
         return self.checked(lambda: self._record(Session, self._parsed(text)))
 
     def _parsed(self, text: str) -> Json:
         """Return the value of a text, whose making is counted before."""
-        self.blobs.budget.spend(ITEM_BYTES * sum(map(text.count, "[{,")))
-        return parse_json(text, MAX_ITEMS)
+        spend = self.blobs.budget.spend
+        return parse_json(text, MAX_ITEMS, spend=lambda items: spend(ITEM_BYTES * items))
 
     def header(self, text: str) -> tuple[MotionHeader, bool]:
         """Return a motion's header, and whether its recording was cut off."""
@@ -137,35 +127,10 @@ class DocumentReader:
         return InputRecording(frames, changes, keyframes)
 
     def _record(self, kind: Any, value: Json) -> Any:
-        longest = math.inf if kind in LONG_TEXTS else MAX_TEXT_CHARACTERS
-        schema = {
-            name: hint for name, hint in record_fields(kind) if name in value or (kind, name) not in _LATER
-        }
-        if kind is not MotionHeader and value.keys() != schema.keys():
+        forms = {n: form for n, form in _forms(kind).items() if n in value or (kind, n) not in _LATER}
+        if kind is not MotionHeader and value.keys() != forms.keys():
             raise ValueError(f"not the fields of a {kind.__name__}")
-        read = {name: self._value(hint, value[name], longest) for name, hint in schema.items()}
-        return checked_record(kind(**read))
-
-    def _value(self, hint: Any, value: Json, longest: float) -> Any:
-        if hint is str:
-            return read_text(value, longest)
-        if hint in self._forms:
-            return self._forms[hint](value)
-        origin, inside = _parts(hint)
-        if origin in (typing.Union, types.UnionType):
-            known = next(each for each in inside if each is not type(None))
-            return None if value is None else self._value(known, value, longest)
-        if origin in (tuple, frozenset):
-            return origin(self._values(inside, value, longest))
-        return self._record(hint, value) if is_dataclass(hint) else hint(value)
-
-    def _values(self, inside: Any, value: Json, longest: float) -> list[Any]:
-        if not isinstance(value, list) or len(value) > MAX_TAKES:
-            raise ValueError("expected a list of some values")
-        if inside[0] is Take:
-            return self._sound_takes(value)
-        hints = inside if len(inside) > 1 and inside[-1] is not Ellipsis else inside[:1] * len(value)
-        return [self._value(h, v, longest) for h, v in zip(hints, value, strict=True)]
+        return checked_record(kind(**{name: form(self, value[name]) for name, form in forms.items()}))
 
     def is_whole(self, text: str) -> bool:
         """Return whether no take of a session was left out when it was read."""
@@ -261,9 +226,54 @@ class DocumentReader:
         return values
 
 
+_FORMS: dict[Any, Form] = {  # of what is no record
+    Motion: lambda reader, value: reader.motion(read_text(value, MAX_TEXT_CHARACTERS)),
+    Ground: lambda reader, value: reader._ground(value),
+    OwnSkeleton: lambda reader, value: reader._own(value),
+    PartDescriptions: lambda _, value: PartDescriptions.from_mapping(value),
+    NDArray[np.float32]: lambda reader, value: reader._code(value),
+    bool: lambda _, value: value is True,
+    int: lambda _, value: read_whole(value),
+    float: lambda _, value: read_number(value),
+}
+
+
 @cache
-def _parts(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    return typing.get_origin(hint), typing.get_args(hint)
+def _forms(kind: Any) -> dict[str, Form]:
+    """Return how the fields of a kind of record are read; found once, as thousands of each are read."""
+    longest = math.inf if kind in LONG_TEXTS else MAX_TEXT_CHARACTERS
+    return {name: _form(hint, longest) for name, hint in record_fields(kind)}
+
+
+def _form(hint: Any, longest: float) -> Form:
+    if hint is str:
+        return lambda _, value: read_text(value, longest)
+    if hint in _FORMS:
+        return _FORMS[hint]
+    origin, inside = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        known = _form(next(each for each in inside if each is not type(None)), longest)
+        return lambda reader, value: None if value is None else known(reader, value)
+    if origin in (tuple, frozenset):
+        return _form_of_values(origin, inside, longest)
+    if is_dataclass(hint):
+        return lambda reader, value: reader._record(hint, value)
+    return lambda _, value: hint(value)
+
+
+def _form_of_values(origin: Any, inside: Any, longest: float) -> Form:
+    of_one = len(inside) == 1 or inside[-1] is Ellipsis
+    forms = [_form(hint, longest) for hint in inside if hint is not Ellipsis]
+
+    def read(reader: DocumentReader, value: Json) -> Any:
+        if not isinstance(value, list) or len(value) > MAX_TAKES:
+            raise ValueError("expected a list of some values")
+        if inside[0] is Take:
+            return origin(reader._sound_takes(value))
+        each = forms * len(value) if of_one else forms
+        return origin([form(reader, v) for form, v in zip(each, value, strict=True)])
+
+    return read
 
 
 def read_view(text: str) -> dict[str, Any]:

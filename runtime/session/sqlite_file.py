@@ -203,7 +203,7 @@ def real_path(path: Path) -> Path:
     except (OSError, ValueError) as error:
         raise FileError(f"{str(path)[:80]!r}: {reason(error)}.", "Check the path.") from error
     if room < 0:
-        raise FileError(f"{str(path)[:80]!r}: the name is {-room} bytes too long.", "Give it a shorter one.")
+        raise FileError(f"{path.name[:60]!r}: the name is {-room} bytes too long.", "Give it a shorter one.")
     return real
 
 

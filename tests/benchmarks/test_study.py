@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from benchmarks.study import make
-from benchmarks.study.__main__ import main
+from benchmarks.study.command import main
 from benchmarks.study.make import Scene, write_study
 from runtime.errors import FileError, UsageError, run_command
 from runtime.terrain.height_map import Terrain

@@ -1,6 +1,7 @@
 """What opening and playing a session costs, in a process of its own: `python -m tests.damage.opening FILE [--window]`."""
 
 import argparse
+import gc
 import resource
 import tempfile
 import time
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from runtime.errors import SportError
 from runtime.session.session_file import SessionFile
+from sport.cli import NEW_OBJECTS
 
 PATIENCE_S = 120.0
 FRAME_S = 1.0 / 60.0  # of a display
@@ -20,6 +22,7 @@ def main() -> None:
     parser.add_argument("file", type=Path)
     parser.add_argument("--window", action="store_true", help="in the application, and play its first take")
     options = parser.parse_args()
+    gc.set_threshold(NEW_OBJECTS)  # as the program has it
     begun = time.process_time()
     seconds, said = (in_window if options.window else alone)(options.file)
     most_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10

@@ -239,10 +239,11 @@ class PlantedFoot:
         behind = sqrt((leg.toe[0] - self.toe[0]) ** 2 + (leg.toe[2] - self.toe[2]) ** 2)
         fastest = s.travel_near + s.travel_rise * fraction * fraction / (1.0 - fraction)
         fastest = max(fastest, (behind - s.max_behind) / s.behind_seconds)
-        part = fastest * dt / max(sqrt(x * x + z * z), MIN_DIVISOR)
-        if part >= 1.0:
-            return target
-        return (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
+        part = min(fastest * dt / max(sqrt(x * x + z * z), MIN_DIVISOR), 1.0)
+        there = (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
+        if has_edges(ground) and ground.height(there[0], there[2]) + TOE_HEIGHT - target[1] > s.still_height:
+            return (self.toe[0], target[1], self.toe[2])  # it waits before a face that it does not clear yet
+        return target if part >= 1.0 else there
 
     def _roll(self, leg: LegPose) -> None:
         """Roll a trailing foot over its held toe until the leg spans what the incoming one does, as a walker does."""

@@ -251,6 +251,7 @@ def _plant(
         shown_hips[i], shown_local[i] = shown
         if walls:
             shown_local[i] = resolve_penetration(shown_hips[i], shown_local[i], before, terrain, limbs)
+    state.elbows.apply(shown_local, [not traversal.kind for traversal in state.traversals])
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
     return unlocked[0], unlocked[1]
 

@@ -13,6 +13,7 @@ from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.balance import StrideBalance
+from runtime.motion.elbows import Elbows
 from runtime.motion.features import DT, PHASE_OFFSETS, C, OutputParts, split_output
 from runtime.motion.model import MotionModel
 from runtime.motion.pace import SpeedRegulator, Stall, StrideState
@@ -159,6 +160,7 @@ class CharacterState:
     swings: Swings = field(metadata={"later": True})
     balance: StrideBalance = field(metadata={"later": True})
     walkable: WalkableShare = field(metadata={"later": True})
+    elbows: Elbows = field(metadata={"later": True})
     feet: tuple[FootLock, ...]
     traversals: tuple[Traversal, ...]
     jumps: tuple[Jump, ...]
@@ -208,6 +210,7 @@ def standing(
         swings=Swings(),
         balance=StrideBalance(),
         walkable=WalkableShare(),
+        elbows=Elbows(),
         feet=(feet,),
         traversals=(Traversal(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),

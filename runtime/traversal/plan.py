@@ -12,6 +12,7 @@ from runtime.arrays import Array
 from runtime.feet.ik import LEG_FEET
 from runtime.feet.next_step import HEEL_M, TOE_M, SteppedOver
 from runtime.pose import Pose
+from runtime.skeleton import ANKLE_HEIGHT
 from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind
 from runtime.traversal.leap import takeoff_m
 from runtime.traversal.obstacle_probe import CLIMB_FROM_M, Ahead, is_leap
@@ -23,6 +24,7 @@ LATEST_START_FRACTION = 0.55  # of a stride: a leap that begins later is planned
 FAR_TAKEOFF_FRACTION = 0.6  # of the best place before an edge: the next step would come nearer
 MAX_DEPTH_M = 10.0  # of what is climbed onto or down from
 TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
+MAX_STANCE_RISE_M = 0.12  # of the last foot over the ground before an obstacle: else it stands beyond a ditch
 MIN_LEAP_SPEED_M_PER_S = 0.2  # m/s of a walk that leaps
 NEUTRAL_SPEED_M_PER_S = 1.3  # m/s of a walk whose climb takes the time it is keyframed for
 
@@ -54,7 +56,9 @@ def _approach(traversal: Traversal, ahead: Ahead, pose: Pose, came: bool, leads_
         if came and leads_over:
             traversal.over.crossing = _last_step(traversal, ahead.obstacle, left, came, alone=True)
     elif left > TOO_LATE_M and _last_step(traversal, ahead.obstacle, left, came):
-        _leap(traversal, ahead, pose)
+        sole = float(pose.positions[LEG_FEET[traversal.steps.stance or 0], 1]) - ANKLE_HEIGHT
+        if sole < ahead.obstacle.ground + MAX_STANCE_RISE_M:
+            _leap(traversal, ahead, pose)
 
 
 FORGET_BEHIND_M = 1.2  # behind what was stepped over the network sees it no more

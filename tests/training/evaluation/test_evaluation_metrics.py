@@ -257,6 +257,25 @@ def test_walker_stands_while_its_feet_are_planted():
     assert standing_share == pytest.approx(np.full(4, 0.6), abs=0.15)  # a window is no whole number of steps
 
 
+def test_heights_under_the_body_do_not_see_the_ground_a_second_ahead():
+    """A walker on its way to a step of half a metre is as high over the ground under it as on level ground."""
+    from training.evaluation.metrics.motion import Motion
+
+    hips, local, contacts = walk(200)
+    rows = np.where(np.arange(-400, 401) * 0.05 > hips[150, 2], 0.5, 0.0)
+    step = Terrain("step", np.repeat(rows[None], 801, 0).astype(np.float32), 0.05, (-20.0, -20.0))
+    level, before = (
+        Motion("w", "neutral", hips, local, contacts, np.ones(200, int), ground) for ground in (FLAT, step)
+    )
+    assert np.array_equal(level.root_features(True).joints, level.root_features().joints)
+    heights = [
+        m.root_features(under).joints[130, 0, 1]
+        for m, under in ((level, False), (before, True), (before, False))
+    ]
+    assert heights[1] == pytest.approx(heights[0], abs=1e-3)
+    assert heights[2] < heights[0] - 0.05
+
+
 def test_recognition_counts_own_and_merged_labels():
     found = recognition({"angry": ["angry", "angry_bn"], "drunk": ["drunk", "drunk"], "sad": []})
     assert found["score"] == {"angry": 0.5, "drunk": 1.0}

@@ -56,8 +56,8 @@ SINKING_FRACTION = 0.35  # of a bounce's range, that hips are lower: legs grow n
 MEAN_HALF_LIFE_S = 0.4  # seconds in which the measures follow the pose,
 RANGE_HALF_LIFE_S = 0.6  # and the ranges of sway, rock and bounce
 ADDED_HALF_LIFE_S = 0.36  # seconds in which what is added follows what is missing
-# metres from end to end over feet on a line
-MAX_LINE_SWAY_M = 0.09
+# metres from end to end over feet on a line: less than half a foot's width to either side, where no more is asked for
+MAX_LINE_SWAY_M = 0.06
 # metres, degrees: what swings less is not amplified more
 MIN_SWAY_M, MIN_ROCK_DEGREES, MIN_BOUNCE_M = 0.008, 1.0, 0.008
 NECK_FRACTION = 0.6  # of what is added, that the neck takes back
@@ -204,7 +204,8 @@ class TrunkEdit:
         ):
             goal = measure.gain(targets[k], least, MAX_SWING_GAIN)
             if k == SWAY:
-                most = measure.known * (MAX_LINE_SWAY_M / max(measure.range, MIN_SWAY_M) - 1.0)
+                widest = max(MAX_LINE_SWAY_M, range_of(targets[k])[0])
+                most = measure.known * (widest / max(measure.range, MIN_SWAY_M) - 1.0)
                 goal += on_a_line * min(most - goal, 0.0)
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, ADDED_HALF_LIFE_S))
 

@@ -172,6 +172,10 @@ def _ranges(name: str, values: Values, shown: Ranges | None) -> Ranges:
         ranges = [
             (low + LEAN_FRACTION * (high - low), high) if low > 0.0 else (low, high) for low, high in ranges
         ]
+    if shown and name == "outward":  # feet over the line are on it
+        ranges = [
+            (low, low + LEAN_FRACTION * (high - low)) if low < 0.0 else (low, high) for low, high in ranges
+        ]
     return tuple(ranges)
 
 

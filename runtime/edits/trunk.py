@@ -58,7 +58,7 @@ RANGE_HALF_LIFE_S = 0.6  # and the ranges of sway, rock and bounce
 ADDED_HALF_LIFE_S = 0.36  # seconds in which what is added follows what is missing
 # metres from end to end over feet on a line: less than half a foot's width to either side, where no more is asked for
 MAX_LINE_SWAY_M = 0.06
-# metres, degrees: what swings less is not amplified more
+# metres, degrees: what swings less is amplified less, and what does not swing not at all
 MIN_SWAY_M, MIN_ROCK_DEGREES, MIN_BOUNCE_M = 0.008, 1.0, 0.008
 NECK_FRACTION = 0.6  # of what is added, that the neck takes back
 HANGING_ARM_FRACTION = 0.65  # of a lean that is added, that the arms take back
@@ -179,9 +179,8 @@ class TrunkEdit:
         sinks = SINKING_FRACTION * self.bounce.range if self.more_bounce > 0.0 else 0.0
         bounced = self.more_bounce * (height - self.bounce.middle - sinks)
         shift = limited(self.more_sway * swayed, MAX_SHIFT_M)
-        stays = degrees(
-            atan2(-shift, HIPS_TO_NECK_M)
-        )  # the shoulders, and so most of the mass, over the feet
+        # the shoulders stay, and so most of the mass
+        stays = degrees(atan2(-shift, HIPS_TO_NECK_M))
         return (
             shift,
             limited(bounced, MAX_BOUNCE_M),

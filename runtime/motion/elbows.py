@@ -1,7 +1,7 @@
 """Elbows of the shown pose that do not pop: a network far from its data bends one by 6 to 9 degrees in a single frame.
 
-What is shown follows the incoming flexion as fast as an elbow speeds up and slows down; the network is fed its own pose. No
-frame of a captured walk is changed.
+What is shown follows the incoming flexion as fast as an elbow speeds up and slows down; the network is fed its own pose. Hardly a
+frame of a captured style's walk is changed.
 """
 
 from __future__ import annotations

@@ -239,7 +239,8 @@ def _plant(
     Returns hips `(N, 3)` and local rotations `(N, 31, 4)` before the foot lock.
     """
     unlocked = hips.copy(), local.copy(), contacts
-    shown_hips, shown_local, walls = np.empty_like(hips), np.empty_like(local), has_walls(terrain)
+    shown_hips, shown_local = np.empty_like(hips), np.empty_like(local)
+    turned = []  # of each character: local rotations of the last frame, and the limbs that walls turn
     for i, traversal in enumerate(state.traversals):
         if traversal.kind:
             shown, before, limbs = _keyframed(state, i, unlocked, terrain), state.poses.local[i], KEYFRAMED
@@ -249,9 +250,11 @@ def _plant(
             # a body that did not stand is on ground that has just come under it
             before, limbs = state.poses.local[i] if stood else shown[1], LIMBS
         shown_hips[i], shown_local[i] = shown
-        if walls:
-            shown_local[i] = resolve_penetration(shown_hips[i], shown_local[i], before, terrain, limbs)
+        turned.append((before, limbs))
     state.elbows.apply(shown_local, [not traversal.kind for traversal in state.traversals])
+    if has_walls(terrain):
+        for i, (before, limbs) in enumerate(turned):
+            shown_local[i] = resolve_penetration(shown_hips[i], shown_local[i], before, terrain, limbs)
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
     return unlocked[0], unlocked[1]
 

@@ -40,7 +40,9 @@ from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
 ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
-LEAN_FRACTION = 0.25  # of what captured leans range over, that a lean forward and a jog are asked for
+WELL_WITHIN_FRACTION = (
+    0.25  # of a captured range: there a lean forward is seen, a jog leans, and feet are over their line
+)
 # metres from its place within which a hand is left alone: the farthest of one that is held, and of one that the edit places
 MAX_NEAR_M, PLACED_NEAR_M = 0.1, 0.03
 PLAIN_ARM = "{side} arm hanging relaxed at the side, swinging naturally with the steps"
@@ -167,16 +169,17 @@ def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int,
 def _ranges(name: str, values: Values, shown: Ranges | None) -> Ranges:
     """Return what a phrase asks for in every gait: as captures show it, or else as written by hand."""
     by_hand = [_by_hand(name, values, captured().usual(gait)) for gait in GAITS]
-    ranges = [own or other for own, other in zip(shown or by_hand, by_hand, strict=True)]
-    if shown and name == "lean":  # a lean is seen where it is well within what captures show
-        ranges = [
-            (low + LEAN_FRACTION * (high - low), high) if low > 0.0 else (low, high) for low, high in ranges
-        ]
-    if shown and name == "outward":  # feet over the line are on it
-        ranges = [
-            (low, low + LEAN_FRACTION * (high - low)) if low < 0.0 else (low, high) for low, high in ranges
-        ]
-    return tuple(ranges)
+    own = [ends and _well_within(name, ends) for ends in shown or (None,) * len(GAITS)]
+    return tuple(measured or other for measured, other in zip(own, by_hand, strict=True))
+
+
+def _well_within(name: str, ends: Range) -> Range:
+    """Return the part of a captured range that a phrase asks for: where a lean is seen, and feet are over their line."""
+    low, high = ends
+    within = low + WELL_WITHIN_FRACTION * (high - low)
+    if name == RELATIVE and low > 0.0:
+        return within, high
+    return (low, within) if name == "outward" and low < 0.0 else ends
 
 
 def _of_caption(name: str, ranges: Ranges, of_one_style: bool) -> Ranges:
@@ -185,7 +188,7 @@ def _of_caption(name: str, ranges: Ranges, of_one_style: bool) -> Ranges:
         return (None, *ranges[1:])
     if not of_one_style:
         return ranges
-    low_in_range = (0.5, LEAN_FRACTION, 0.5)  # a jog's takes are not always at their full speed
+    low_in_range = (0.5, WELL_WITHIN_FRACTION, 0.5)  # a jog's takes are not always at their full speed
     leans = (e and e[0] + f * (e[1] - e[0]) for e, f in zip(ranges, low_in_range, strict=True))
     return tuple(None if lean is None else (lean, lean) for lean in leans)
 
@@ -203,7 +206,7 @@ def edit_targets(descriptions: PartDescriptions) -> Array:
         for column, ranges in _asked(part, getattr(descriptions, part), styles):
             for gait, ends in enumerate(ranges):
                 if ends is not None:
-                    result[gait, row, column] = 1.0, max(ends[0], -MAX_TARGET), min(ends[1], MAX_TARGET)
+                    result[gait, row, column] = 1.0, *np.clip(ends, -MAX_TARGET, MAX_TARGET)
     _ask_of_every_trunk(result)
     return result
 
@@ -252,11 +255,14 @@ def is_placed(part: str, clause: str, place: Values) -> bool:
 
 
 def _unedited(said: str, side: str) -> str:
-    """Return the description of a leg or the trunk without what edits show alone; as it is where what is left is no sentence."""
+    """Return the description of a leg or the trunk without what edits show alone.
+
+    That of a leg stays as it is where what is left does not name the leg.
+    """
     _, alone, beside = _read()
     if side == "torso":
-        kept = [clause for clause in said.split(", ") if clause.removeprefix("torso ") not in alone]
-        return ", ".join(kept) if kept else PLAIN_TORSO
+        kept = [c.strip() for c in said.split(",") if c.strip().lower().removeprefix("torso ") not in alone]
+        return ", ".join(kept) or PLAIN_TORSO
     clauses = said.split(", ")
     kept = [clause for clause in clauses if clause.removeprefix(f"{side} ") not in alone]
     rest = [clause for clause in kept if clause.removeprefix(f"{side} ") not in beside]

@@ -91,7 +91,7 @@ class Prompter:
         return self._read(words)[1]
 
     def style(self, words: Words | BlendedPrompt, exact_legs: bool = True) -> StyleMix:
-        """Return the style of words or a blend; `exact_legs` adds body edits for what the network does not show."""
+        """Return the style of words or a blend; `exact_legs` adds the edits of all parts, which show what the network does not."""
         if isinstance(words, BlendedPrompt):
             (a, z_a), (b, z_b) = self._read(words.a, exact_legs), self._read(words.b, exact_legs)
             mix, edits = self._blend(z_a, z_b, words.weights), blended_targets(a, b, words.weights)

@@ -342,7 +342,7 @@ class Database(StoredRows):
                 return
 
         def keep_other() -> None:  # that a program which synchronizes folders has put in the place of ours
-            if self.path.exists() and _identity(self.path) != self._files[0]:
+            if self._files and self.path.exists() and _identity(self.path) != self._files[0]:
                 _LOG.warning(
                     "%s was replaced: the other one is %s", self.path, keep_aside(self.path, log=False)
                 )

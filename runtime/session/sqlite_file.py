@@ -118,10 +118,15 @@ def unwritten_files(path: Path) -> tuple[Path, Path]:
 def _fitting(name: str, more: int) -> str:
     """Return the name of a file that has room for so many bytes more: one that is too long ends with its hash."""
     data = os.fsencode(name)
-    if len(data) + more <= MAX_NAME_BYTES:
+    if _name_size(name) + more <= MAX_NAME_BYTES:
         return name
     begin = data[: MAX_NAME_BYTES - more - 16].decode("utf-8", "ignore")
     return begin + hashlib.sha256(data).hexdigest()[:16]
+
+
+def _name_size(name: str) -> int:
+    """Return how much of the longest name of a file a name takes: bytes, or on Windows units of UTF-16."""
+    return len(name.encode("utf-16-le", "surrogatepass")) // 2 if os.name == "nt" else len(os.fsencode(name))
 
 
 def _aside(path: Path) -> str:
@@ -199,7 +204,7 @@ def real_path(path: Path) -> Path:
     """Return the path without links, as SQLite's other files lie next to it; FileError when it is no name of a session."""
     try:
         real = Path(os.path.realpath(path))
-        room = MAX_NAME_BYTES - len(os.fsencode(f"{real.name}-journal"))
+        room = MAX_NAME_BYTES - _name_size(f"{real.name}-journal")
     except (OSError, ValueError) as error:
         raise FileError(f"{str(path)[:80]!r}: {reason(error)}.", "Check the path.") from error
     if room < 0:

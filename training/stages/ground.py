@@ -21,7 +21,7 @@ from training.stages.motion import MotionData
 
 COURSES_FRACTION = 0.35  # fraction of the samples
 EMBEDDING_WEIGHT = 1.0
-# Fraction of the held samples' parts whose codes are up to twice as far from neutral, as calibration draws them.
+# Fraction of the held samples' parts whose codes are up to twice as far from neutral, for a strength above 1.
 DRAWN_OUT_FRACTION = 0.5
 PEAK_RATE_FRACTION = 0.5  # of stage 2's learning rate
 

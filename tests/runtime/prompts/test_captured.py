@@ -3,14 +3,15 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from runtime.assets import asset_path
-from runtime.edits.request import FOLD, GAITS, MAX_TARGET, ROW_TRUNK, TRUNK
+from runtime.edits.request import FOLD, GAITS, MAX_TARGET, ROW_TRUNK, TRUNK, checked_targets, written_targets
 from runtime.errors import FileError
 from runtime.prompts import captured as module
 from runtime.prompts.captured import CapturedPhrases, captured
-from runtime.prompts.edit_targets import LEAN_FRACTION, edit_targets, edited_parts, left_to_network
+from runtime.prompts.edit_targets import WELL_WITHIN_FRACTION, edit_targets, edited_parts, left_to_network
 from runtime.prompts.library_data import load_styles
 from runtime.prompts.parts import PartDescriptions
 
@@ -63,8 +64,17 @@ def test_a_phrase_means_what_was_measured_and_another_what_is_written() -> None:
     assert measured[WALK] is not None
     asked = edit_targets(replace(PLAIN, torso="torso leaning forward like a plough"))[WALK, ROW_TRUNK, LEAN]
     low, high = measured[WALK]
-    assert tuple(asked[1:]) == (low + LEAN_FRACTION * (high - low), high)
+    assert tuple(asked[1:]) == (low + WELL_WITHIN_FRACTION * (high - low), high)
     assert captured().phrase("torso", "leaning far back", "lean") is None
+
+
+def test_what_any_sentence_of_the_library_asks_for_is_read_back_from_a_file() -> None:
+    rows = json.loads(asset_path("prompts/library.json").read_text("utf-8"))["entries"]
+    torsos = sorted({row["torso"] for row in rows if isinstance(row.get("torso"), str)})
+    assert len(torsos) > 100
+    for torso in torsos:
+        targets = edit_targets(replace(PLAIN, torso=torso))
+        np.testing.assert_allclose(checked_targets(written_targets(targets)), targets)
 
 
 def test_a_gesture_that_was_captured_standing_is_no_caption_of_a_walk() -> None:

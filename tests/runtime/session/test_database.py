@@ -1,6 +1,7 @@
 """The file of a session: what is kept of it when a process, a disk or a folder goes, and two windows on one file."""
 
 import contextlib
+import errno
 import os
 import shutil
 import signal
@@ -11,7 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 from hypothesis import settings
@@ -20,6 +21,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
+from runtime.session import renewal
 from runtime.session.database import Database
 from runtime.session.renewal import Renewal
 from runtime.session.sqlite_file import FileInUse, file_errors, kept_aside, lock_of, side_files
@@ -320,6 +322,7 @@ def test_a_defect_of_one_change_is_said_and_holds_up_no_other(session: Database)
 RECORD = """
 import sys, time
 from pathlib import Path
+from runtime.session import renewal
 from runtime.session.database import Database
 from runtime.session.renewal import Renewal
 database = Database.create(Path(sys.argv[1]))
@@ -465,6 +468,7 @@ def test_what_was_removed_is_written_again_whole(session: Database, what: str) -
 FULL = """
 import resource, signal, sys
 from pathlib import Path
+from runtime.session import renewal
 from runtime.session.database import Database
 from runtime.session.renewal import Renewal
 folder = Path(sys.argv[1])
@@ -514,10 +518,30 @@ def test_a_full_disk_is_said_and_what_waits_is_written_when_there_is_room(tmp_pa
         database.close()
 
 
+def test_a_session_that_is_opened_on_a_full_disk_is_written_when_there_is_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.sport"
+    database = Database.create(path)
+    database.submit(lambda writer: writer.put_step(1, "", "{}"))
+    assert database.close()
+
+    def full(*_: object) -> NoReturn:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(renewal, "new_file", full)
+        database = Database.open(path)
+    database.submit(lambda writer: writer.put_step(2, "", "{}"))
+    assert database.flush(), database.problem
+    assert database.close()
+
+
 DENIED = """
 import os, sys
 from pathlib import Path
 from runtime.errors import FileError
+from runtime.session import renewal
 from runtime.session.database import Database
 from runtime.session.renewal import Renewal
 folder = Path(sys.argv[1])

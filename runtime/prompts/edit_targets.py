@@ -157,12 +157,11 @@ def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int,
         if values and name != HAND:
             shown = measured.clause(part, clause, name) or measured.phrase(kind, phrase, name)
             found.append((column, _ranges(name, values, shown)))
-        elif is_placed(part, clause, values):
-            *place, near = values
-            values = (*place, min(near, PLACED_NEAR_M))
-            found += [(at, ((value, value),) * len(GAITS)) for at, value in enumerate(values, column)]
         elif values and not measured.moves(part, clause):
-            found += [(at, ((value, value),) * len(GAITS)) for at, value in enumerate(values, column)]
+            near = min(values[-1], PLACED_NEAR_M) if is_placed(part, clause, values) else values[-1]
+            found += [
+                (at, ((value, value),) * len(GAITS)) for at, value in enumerate((*values[:-1], near), column)
+            ]
     return tuple(found)
 
 
@@ -237,15 +236,11 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
     If the network shows crossing legs as well, it falls out of step with most other words; hips that it sways as well go
     twice as far as in any capture; arms that it holds at a place take the whole body out of balance.
     """
-    for part in ("left_leg", "right_leg", "torso"):
+    unedited = {"leg": _unedited_leg, "torso": _unedited_torso, "arm": _unedited_arm}
+    for part in PARTS:
         said = getattr(descriptions, part)
         if not captured().is_caption(part, said):
-            descriptions = descriptions.replace(part, _unedited(said, part.split("_")[0]))
-    for part in ("left_arm", "right_arm"):
-        said = getattr(descriptions, part)
-        clause, _, (_, place) = spoken(part, said).get(HAND, ("", "", (0, ())))
-        if not captured().is_caption(part, said) and is_placed(part, clause, place):
-            descriptions = descriptions.replace(part, PLAIN_ARM.format(side=part.split("_")[0]))
+            descriptions = descriptions.replace(part, unedited[kind_of(part)](part, said))
     return descriptions
 
 
@@ -254,15 +249,23 @@ def is_placed(part: str, clause: str, place: Values) -> bool:
     return bool(place) and place[-1] <= MAX_NEAR_M and not captured().moves(part, clause)
 
 
-def _unedited(said: str, side: str) -> str:
-    """Return the description of a leg or the trunk without what edits show alone.
+def _unedited_arm(part: str, said: str) -> str:
+    """Return the description of an arm, or that of a plain walk where its hand is at a place."""
+    clause, _, (_, place) = spoken(part, said).get(HAND, ("", "", (0, ())))
+    return PLAIN_ARM.format(side=part.split("_")[0]) if is_placed(part, clause, place) else said
 
-    That of a leg stays as it is where what is left does not name the leg.
-    """
+
+def _unedited_torso(_part: str, said: str) -> str:
+    """Return the description of the trunk without the clauses that edits show alone."""
+    _, alone, _ = _read()
+    kept = [c.strip() for c in said.split(",") if c.strip().lower().removeprefix("torso ") not in alone]
+    return ", ".join(kept) or PLAIN_TORSO
+
+
+def _unedited_leg(part: str, said: str) -> str:
+    """Return the description of a leg without the clauses that edits show alone; as it is where the rest does not name it."""
     _, alone, beside = _read()
-    if side == "torso":
-        kept = [c.strip() for c in said.split(",") if c.strip().lower().removeprefix("torso ") not in alone]
-        return ", ".join(kept) or PLAIN_TORSO
+    side = part.split("_")[0]
     clauses = said.split(", ")
     kept = [clause for clause in clauses if clause.removeprefix(f"{side} ") not in alone]
     rest = [clause for clause in kept if clause.removeprefix(f"{side} ") not in beside]

@@ -40,9 +40,8 @@ from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
 ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
-WELL_WITHIN_FRACTION = (
-    0.25  # of a captured range: there a lean forward is seen, a jog leans, and feet are over their line
-)
+# of a captured range: there a lean forward is seen, a jog leans, and feet are over their line
+WELL_WITHIN_FRACTION = 0.25
 # metres from its place within which a hand is left alone: the farthest of one that is held, and of one that the edit places
 MAX_NEAR_M, PLACED_NEAR_M = 0.1, 0.03
 PLAIN_ARM = "{side} arm hanging relaxed at the side, swinging naturally with the steps"

@@ -188,9 +188,7 @@ class MotionModel:
                 speeds = run_graph(self._style, path, None, {"z": arms})[3]
             rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T
         rest = rest.astype(np.float32)
-        return Style(
-            z, bias, weight, content_bias, walk, max(jog, MIN_JOG_RATIO * walk), rest, swings=swings
-        )
+        return Style(z, bias, weight, content_bias, walk, max(jog, MIN_JOG_RATIO * walk), rest, swings=swings)
 
     def swings(self, z: Float32Array) -> tuple[float, ...]:
         """Return the swing gains for a walk of Z^t `(6, 64)`; 1 if the model has none."""

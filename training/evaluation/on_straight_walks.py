@@ -77,11 +77,10 @@ def raw_walks(data: Path, free_only: bool = False) -> dict[str, Measures]:
     return result
 
 
-def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str], seed: int = 0) -> dict[str, Measures]:
+def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[str, Measures]:
     """Measures of a character that walks straight ahead at full stick by each style's prompt, from its BVH."""
     names = list(styles)
-    codes = [evaluated.style(style, 0) for style in names]
-    members = characters(evaluated.model, flat_ground(), codes, [seed] * len(codes))
+    members = characters(evaluated.model, flat_ground(), [evaluated.style(style, 0) for style in names])
     walks = walk_together(members, control_script("forward", "walk"), round(WALK_SECONDS * FPS))
     clips = [clip_of(poses, style, (), "flat") for style, poses in zip(names, walks, strict=True)]
     measured = zip(names, gait.measured_exports(clips, gait.measure_file), strict=True)

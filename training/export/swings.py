@@ -19,7 +19,6 @@ from runtime.errors import run_command
 from runtime.motion.mirror import mirrored_code
 from runtime.motion.model_files import read_metadata, write_metadata
 from runtime.motion.swing import LEAST_GAIN, MOST_GAIN, PLAIN, SWINGS
-from training.data import gait
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.evaluation.on_straight_walks import Measures, generated_walks, raw_walks
 from training.presets import OPEN
@@ -27,8 +26,7 @@ from training.presets import OPEN
 log = logging.getLogger("sport.train")
 
 MEASURES = ("pelvis_yaw", "pelvis_roll", "shoulder_yaw", "arm_swing_cm", "bob_cm")  # of `SWINGS`
-PASSES = 3
-SEEDS = range(5)  # a walk's swings differ by a fifth from seed to seed: the median counts
+PASSES = 2
 
 
 def measure_gains(evaluated: EvaluatedModel, raw: Mapping[str, Measures]) -> dict[str, Array]:
@@ -42,8 +40,7 @@ def measure_gains(evaluated: EvaluatedModel, raw: Mapping[str, Measures]) -> dic
         for style, gains in found.items():
             for code in (evaluated.style(style, 0), mirrored_code(evaluated.style(style, 0))):
                 set_gains[code.tobytes()] = tuple(gains.tolist())
-        walks = [generated_walks(gained, raw, seed) for seed in SEEDS]
-        walked = {style: gait.median([w[style] for w in walks if style in w]) for style in walks[0]}
+        walked = generated_walks(gained, raw)
         for style, ours in walked.items():
             missing = np.array([raw[style][key] / max(ours[key], 1e-3) for key in MEASURES])
             found[style] = np.clip(found[style] * missing, LEAST_GAIN, MOST_GAIN)

@@ -18,6 +18,7 @@ MERGED: dict[str, str] = {
     "masculine2": "masculine",
     "neutral_bn": "neutral",
     "neutral_bn2": "neutral",
+    "neutral_cmu": "neutral",
     "elderly": "old",
     "exhausted": "tired",
 }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,14 +47,15 @@ class Skeleton:
         `root_position` `(..., 3)` in metres, `local` `(..., J, 4)` rotations relative to the parent.
         """
         local = np.asarray(local)
-        order, places, levels = self._by_depth
-        ordered = local.take(order, -2)[..., None]
-        world = ordered.copy()
-        for joints, parents in levels:
-            above = rotations.left_matrix(world[..., 0].take(parents, -2))
-            np.matmul(above, ordered[..., joints, :, :], out=world[..., joints, :, :])
+        order, places, doublings = self._by_depth
+        world = local.take(order, -2)[..., None]
+        for joints, above in doublings:
+            turns = rotations.left_matrix(world[..., 0].take(above, -2))
+            world[..., joints, :, :] = turns @ world[..., joints, :, :]
         world = world[..., 0].take(places, -2)
-        bones = rotations.rotate(world.take(self._parents, -2), self.offsets)
+        turns = world.take(self._parents, -2)
+        squares = (turns[..., None] * turns[..., None, :]).reshape(*turns.shape[:-1], 16, 1)
+        bones = self.offsets + (self._turned_offsets @ squares)[..., 0]
         positions = np.asarray(root_position)[..., None, :] + self._above @ bones
         return positions.astype(local.dtype, copy=False), world
 
@@ -88,15 +88,36 @@ class Skeleton:
         return above
 
     @cached_property
+    def _turned_offsets(self) -> Array:
+        """`(J, 3, 16)`: a rotation moves the end of an offset by this, times the products of each two of its numbers."""
+        turned = np.zeros((len(self), 3, 4, 4), self.offsets.dtype)
+        for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            turned[:, x, 0, 1 + y], turned[:, x, 0, 1 + z] = (
+                2.0 * self.offsets[:, z],
+                -2.0 * self.offsets[:, y],
+            )
+            for other in (y, z):
+                turned[:, x, 1 + x, 1 + other] = 2.0 * self.offsets[:, other]
+                turned[:, x, 1 + other, 1 + other] = -2.0 * self.offsets[:, x]
+        return turned.reshape(len(self), 3, 16)
+
+    @cached_property
     def _by_depth(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[slice, NDArray[np.int64]]]]:
-        """Joints by their depth, the place of each in that order, and there each depth but the first with the places of its parents."""
+        """Joints by their depth, and the place of each in that order; from depths of 1, 2, 4 ... on, the places of what is so far above.
+
+        With each step a product of rotations reaches twice as far up.
+        """
         depths: list[int] = []
         for parent in self.parents:
             depths.append(depths[parent] + 1 if parent >= 0 else 0)
         order = np.argsort(depths, kind="stable")
         places = np.argsort(order)
-        parents, ends = places[self._parents[order]], np.bincount(depths).cumsum().tolist()
-        return order, places, [(slice(a, b), parents[a:b]) for a, b in pairwise(ends)]
+        doublings, above, far = [], places[self._parents[order]], 1
+        while far <= max(depths):
+            first = sum(depth < far for depth in depths)
+            doublings.append((slice(first, None), above[first:]))
+            above, far = above[above], 2 * far
+        return order, places, doublings
 
     def local_rotations(self, world: Array) -> Array:
         """Return rotations relative to the parent `(..., J, 4)` for world rotations `(..., J, 4)`."""

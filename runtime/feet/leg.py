@@ -73,16 +73,21 @@ def leg_bones(side: int, skeleton: Skeleton = SPORT_SKELETON) -> LegBones:
 
 def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPose:
     """Return the world pose of a leg by forward kinematics; `local` are the pose's 31 local rotations."""
-    j, o = bones.joints, bones.offsets
-    root = local[0]
-    base = multiply(root, local[j[0]])
-    thigh = multiply(base, local[j[1]])
-    shin = multiply(thigh, local[j[2]])
-    foot = multiply(shin, local[j[3]])
-    hip = add(add(hips, rotate(root, o[0])), rotate(base, o[1]))
-    knee = add(hip, rotate(thigh, o[2]))
-    ankle = add(knee, rotate(shin, o[3]))
-    return LegPose(base, thigh, shin, foot, hip, knee, ankle, add(ankle, rotate(foot, o[4])))
+    j0, j1, j2, j3, _ = bones.joints
+    _, _, upper, lower, sole = bones.offsets
+    base, hip = leg_base(bones, hips, local[0], local[j0])
+    thigh = multiply(base, local[j1])
+    shin = multiply(thigh, local[j2])
+    foot = multiply(shin, local[j3])
+    knee = add(hip, rotate(thigh, upper))
+    ankle = add(knee, rotate(shin, lower))
+    return LegPose(base, thigh, shin, foot, hip, knee, ankle, add(ankle, rotate(foot, sole)))
+
+
+def leg_base(bones: LegBones, hips: Vector, root: Quaternion, joint: Quaternion) -> tuple[Quaternion, Vector]:
+    """Return the world rotation of a leg's hip joint, which lies in the hips, and where its thigh begins."""
+    base = multiply(root, joint)
+    return base, add(hips, rotate(base, bones.offsets[1]))
 
 
 def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
@@ -108,26 +113,24 @@ def leg_inverse(
 
     `foot` is the foot's new world rotation. See `runtime.feet.ik.two_bone`.
     """
-    upper = subtract(leg.knee, leg.hip)
-    lower = subtract(leg.ankle, leg.knee)
-    hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+    base, thigh, shin, _, hip, knee, ankle, _ = leg
+    upper, lower, now = subtract(knee, hip), subtract(ankle, knee), subtract(ankle, hip)
+    axis, to_target = unit(now), (target[0] - hip[0], target[1] - (hip[1] - drop), target[2] - hip[2])
     # far from the origin a float no longer tells hip from knee: a bone without length must not divide
     a, b = max(length(upper), MIN_SIZE), max(length(lower), MIN_SIZE)
-    axis = unit(subtract(leg.ankle, leg.hip))
-    to_target = subtract(target, hip)
     wanted = length(to_target)
     aim = unit(to_target) if wanted > MIN_SIZE else axis
-    d = max(soft_reach(wanted, a + b, dist(leg.ankle, leg.hip)), abs(a - b) + MIN_OPENING_M)
+    d = max(soft_reach(wanted, a + b, length(now)), abs(a - b) + MIN_OPENING_M)
     swing = between(axis, aim)
-    bend = rotate(swing, _bend(axis, upper, rotate(leg.thigh, (0.0, 0.0, 1.0))))
+    bend = rotate(swing, _bend(axis, upper, rotate(thigh, (0.0, 0.0, 1.0))))
     c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
     s = sqrt(1.0 - c * c)
     thigh_to = add(scale(aim, c), scale(bend, s))
     shin_to = unit(subtract(scale(aim, d), scale(thigh_to, a)))
     thigh_turn = multiply(between(rotate(swing, unit(upper)), thigh_to), swing)
     shin_turn = multiply(between(rotate(swing, unit(lower)), shin_to), swing)
-    thigh, shin = multiply(thigh_turn, leg.thigh), multiply(shin_turn, leg.shin)
-    return relative(leg.base, thigh), relative(thigh, shin), relative(shin, foot)
+    thigh, shin = multiply(thigh_turn, thigh), multiply(shin_turn, shin)
+    return relative(base, thigh), relative(thigh, shin), relative(shin, foot)
 
 
 def turned_out(leg: LegPose, side: int, radians_out: float) -> LegPose:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, degrees, inf
+from math import atan2, degrees, inf, pi
 
 import numpy as np
 
@@ -132,17 +132,24 @@ def step(
 
 def _steady(state: CharacterState, speed: Array) -> list[bool]:
     """Return which characters, of a root speed `(N,)` in m/s, move on straight ahead, rather than start, stop, turn or jump."""
-    going = (state.wished_speed > 0.0) & (speed > STEADY_SPEED_FRACTION * state.requested_speed)
     turned = state.trajectory.yaw[:, PRESENT] - state.trajectory.yaw[:, PRESENT - TURN_FRAMES]
-    ahead = np.abs((turned + np.pi) % (2.0 * np.pi) - np.pi) < MAX_WALKING_TURN_RAD_PER_S * TURN_FRAMES * DT
-    jumps = [bool(jump.stage) for jump in state.jumps]
-    return (going & ahead & ~np.array(jumps)).tolist()
+    numbers = (state.wished_speed, speed, state.requested_speed, turned)
+    most = MAX_WALKING_TURN_RAD_PER_S * TURN_FRAMES * DT
+    return [
+        wished > 0.0
+        and goes > STEADY_SPEED_FRACTION * requested
+        and abs((turn + pi) % (2.0 * pi) - pi) < most
+        and not jump.stage
+        for wished, goes, requested, turn, jump in zip(
+            *(n.tolist() for n in numbers), state.jumps, strict=True
+        )
+    ]
 
 
 def _walking(state: CharacterState, steady: Sequence[bool]) -> list[bool]:
     """Return which of the `steady` characters walk, rather than jog or crouch."""
-    walk = (state.trajectory.gait[:, PRESENT, Gait.WALK] > 0.5).tolist()
-    return [walks and goes for walks, goes in zip(walk, steady, strict=True)]
+    walk = state.trajectory.gait[:, PRESENT, Gait.WALK].tolist()
+    return [goes and walks > 0.5 for walks, goes in zip(walk, steady, strict=True)]
 
 
 def _undisturbed(

@@ -57,6 +57,11 @@ class LegPose(NamedTuple):
     ankle: Vector
     toe: Vector
 
+    def moved(self, by: Vector) -> LegPose:
+        """Return the leg shifted by `by` (metres)."""
+        hip, knee, ankle, toe = add(self.hip, by), add(self.knee, by), add(self.ankle, by), add(self.toe, by)
+        return LegPose(self.base, self.thigh, self.shin, self.foot, hip, knee, ankle, toe)
+
     def raised(self, metres: float) -> Vector:
         """Return the hip position with the body raised."""
         return self.hip[0], self.hip[1] + metres, self.hip[2]
@@ -242,12 +247,13 @@ def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights,
     where they point straight down.
     """
     world = multiply(foot, toe)
-    ahead, up = rotate(world, (0.0, 0.0, 1.0)), rotate(world, (0.0, 1.0, 0.0))
+    ahead = rotate(world, (0.0, 0.0, 1.0))
     tip = add(joint, scale(ahead, TOE_LENGTH))
     rise = min(ground.height(tip[0], tip[2]) + TOE_HEIGHT - sink - joint[1], HIGHEST_TIP_M) / TOE_LENGTH
     if ahead[1] >= rise:
         return toe
     # after a bend b the tip is raised by ahead_y cos b + up_y sin b
+    up = rotate(world, (0.0, 1.0, 0.0))
     most = hypot(ahead[1], up[1])
     bend = atan2(up[1], ahead[1]) - acos(max(min(rise / max(most, MIN_SIZE), 1.0), -1.0))
     return multiply(toe, (cos(0.5 * bend), -sin(0.5 * bend), 0.0, 0.0))

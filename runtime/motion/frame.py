@@ -6,8 +6,8 @@ The same function moves one character and a crowd.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import atan2, degrees, inf, pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,8 +54,7 @@ ANKLES = [SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot")]
 _PHASES = features.PHASE_OFFSETS + PRESENT
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """Results of a frame other than the new state."""
 
     hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyframed
@@ -182,7 +181,9 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     path, present = state.trajectory, features.L // 2
     positions, yaw = path.xz.take(SAMPLES, 1), path.yaw.take(SAMPLES, 1)
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
-    if terrain.steepest * RUN_M < EDGE_M:
+    if terrain.steepest == 0.0:
+        heights = np.full((*yaw.shape, 3), float(terrain.heights[0, 0]))
+    elif terrain.steepest * RUN_M < EDGE_M:
         points = features.height_points(positions, directions)
         heights = within_steps(terrain.height(points[..., 0], points[..., 1]), present)
     else:
@@ -294,14 +295,13 @@ def _on_feet(
     jump.advance(float(hips[i, 1]), float(state.ground[i]), root)
     if jump.stage:
         hips[i], local[i], contacts[i] = jump.pose(hips[i], local[i], contacts[i], terrain)
-    edited = EditedPose(hips[i], local[i], contacts[i])
-    if (asked := _edit_request(state, i, joints)) is not None:
-        edited = state.edits[i].apply(*edited[:3], asked)
+    posed, asked = (hips[i], local[i], contacts[i]), _edit_request(state, i, joints)
+    edited = EditedPose.of(*posed) if asked is None else state.edits[i].apply(*posed, asked)
     if any(shift):
         edited = edited.moved(shift)
     patience = 1.0 + ADDED_PATIENCE_FRACTION * (1.0 - float(state.settling.fraction[i]))
     walks = even and float(state.trajectory.gait[i, PRESENT, Gait.JOG]) < 0.5
-    support = Support(jump.airborne, patience, edited.legs, state.traversals[i].over, walks)
+    support = Support(jump.airborne, patience, edited.incoming, edited.legs, state.traversals[i].over, walks)
     locked = state.feet[i].apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
     return locked.hips_position, locked.local_rotations
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import atan2, hypot, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,8 +46,7 @@ _MAKES_UP = decay(WISH_HALF_LIFE)
 _LABEL_FADE = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """Planned velocities, yaws and gaits of N characters for the next second, the present frame first."""
 
     velocities: Array  # (N, 61, 2) m/s

@@ -55,8 +55,8 @@ class Skeleton:
         world = world[..., 0].take(places, -2)
         turns = world.take(self._parents, -2)
         squares = (turns[..., None] * turns[..., None, :]).reshape(*turns.shape[:-1], 16, 1)
-        bones = self.offsets + (self._turned_offsets @ squares)[..., 0]
-        positions = np.asarray(root_position)[..., None, :] + self._above @ bones
+        bones = self.offsets + (self._turned_offsets[local.dtype.char] @ squares)[..., 0]
+        positions = np.asarray(root_position)[..., None, :] + self._above[bones.dtype.char] @ bones
         return positions.astype(local.dtype, copy=False), world
 
     def oriented(self, root_position: Array, world: Array) -> tuple[Array, Array]:
@@ -65,7 +65,7 @@ class Skeleton:
         bones = (above @ self.offsets[:, :, None])[..., 0]
         local = above.swapaxes(-1, -2) @ world
         local[..., self._roots, :, :] = world[..., self._roots, :, :]
-        return local, np.asarray(root_position)[..., None, :] + self._above @ bones
+        return local, np.asarray(root_position)[..., None, :] + self._above[bones.dtype.char] @ bones
 
     @cached_property
     def _parents(self) -> NDArray[np.int64]:
@@ -78,17 +78,17 @@ class Skeleton:
         return np.flatnonzero(np.array(self.parents) < 0)
 
     @cached_property
-    def _above(self) -> Array:
+    def _above(self) -> dict[str, Array]:
         """`(J, J)`: one where the second joint lies on the way from the root to the first, both but the root included."""
         above = np.zeros((len(self), len(self)), self.offsets.dtype)
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
                 above[joint] = above[parent]
                 above[joint, joint] = 1.0
-        return above
+        return _of_both_types(above)
 
     @cached_property
-    def _turned_offsets(self) -> Array:
+    def _turned_offsets(self) -> dict[str, Array]:
         """`(J, 3, 16)`: a rotation moves the end of an offset by this, times the products of each two of its numbers."""
         turned = np.zeros((len(self), 3, 4, 4), self.offsets.dtype)
         for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -99,7 +99,7 @@ class Skeleton:
             for other in (y, z):
                 turned[:, x, 1 + x, 1 + other] = 2.0 * self.offsets[:, other]
                 turned[:, x, 1 + other, 1 + other] = -2.0 * self.offsets[:, x]
-        return turned.reshape(len(self), 3, 16)
+        return _of_both_types(turned.reshape(len(self), 3, 16))
 
     @cached_property
     def _by_depth(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[slice, NDArray[np.int64]]]]:
@@ -124,6 +124,11 @@ class Skeleton:
         local = rotations.multiply(rotations.inverse(world[..., self._parents, :]), world)
         local[..., self._roots, :] = world[..., self._roots, :]
         return local
+
+
+def _of_both_types(array: Array) -> dict[str, Array]:
+    """Return an array by the type of number: a product of two types takes several times as long."""
+    return {"f": array.astype(np.float32), "d": array.astype(np.float64)}
 
 
 # name, parent, offset in metres. Lengths are those of the PFNN character (Holden et al. 2017), made symmetric;

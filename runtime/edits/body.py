@@ -47,20 +47,18 @@ class EditedPose(NamedTuple):
 
     def moved(self, by: Vector) -> EditedPose:
         """Return the pose with its hips shifted by `by` (metres) and its feet in place; the hips rise if the legs would bend more."""
-        east, up, south = by
-        heel, toe, other_heel, other_toe = self.contacts.tolist()
-        spans = [span(leg) for leg in self.legs]
-        legs = [_under(leg, east, up, south) for leg in self.legs]
-        up += carrying_rise(legs, spans, (max(heel, toe), max(other_heel, other_toe)))
-        return self.carried((east, up, south))
+        (east, up, south), (heel, toe, other_heel, other_toe) = by, self.contacts.tolist()
+        ends = [(add(leg.hip, by), leg.ankle) for leg in self.legs]
+        bears = max(heel, toe), max(other_heel, other_toe)
+        return self.carried((east, up + carrying_rise(ends, [span(leg) for leg in self.legs], bears), south))
 
     def carried(self, by: Vector, rise: float = 0.0) -> EditedPose:
         """Return the pose with its hips shifted by `by` and raised by `rise` (metres), the latter with its feet."""
-        (x, y, z), (east, up, south) = self.hips.tolist(), by
-        left, right = (leg.moved((east, up + rise, south)) for leg in self.incoming)
-        at = np.array((x + east, y + rise + up, z + south))
+        east, up, south = by
+        whole, (left, right) = (east, rise + up, south), self.incoming
+        at, came = np.array(add(self.hips.tolist(), whole)), (left.moved(whole), right.moved(whole))
         return self._replace(
-            hips=at, incoming=(left, right), legs=(_under(self.legs[0], *by), _under(self.legs[1], *by))
+            hips=at, incoming=came, legs=(_under(self.legs[0], by), _under(self.legs[1], by))
         )
 
 
@@ -137,8 +135,6 @@ def _arm(chest: Axes, sign: float, joints: tuple[int, ...], rotations: list[Quat
     return ArmPose(sign, base, upper, lower, rotations[hand], at, middle, wrist)
 
 
-def _under(leg: LegPose, *by: float) -> LegPose:
+def _under(leg: LegPose, by: Vector) -> LegPose:
     """The leg under hips that have moved by metres over a foot that stays."""
-    east, up, south = by
-    hip, knee = ((p[0] + east, p[1] + up, p[2] + south) for p in (leg.hip, leg.knee))
-    return leg._replace(hip=hip, knee=knee)
+    return LegPose(*leg[:4], add(leg.hip, by), add(leg.knee, by), leg.ankle, leg.toe)

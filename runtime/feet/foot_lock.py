@@ -114,16 +114,18 @@ def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
     return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
 
 
-def carrying_rise(legs: Sequence[LegPose], spans: Sequence[float], bears: Sequence[float]) -> float:
+def carrying_rise(
+    legs: Sequence[tuple[Vector, Vector]], spans: Sequence[float], bears: Sequence[float]
+) -> float:
     """Return how far (metres) the hips rise so that nearly straight legs with weight on them get the lengths `spans`.
 
-    `bears` is the contact probability of each foot.
+    `legs` are where each begins and its ankle, `bears` is the contact probability of each foot.
     """
     total = rise = 0.0
-    for leg, reach, weight, bones in zip(legs, spans, bears, LEGS, strict=True):
+    for (hip, ankle), reach, weight, bones in zip(legs, spans, bears, LEGS, strict=True):
         straight = smoothstep((reach / bones.length - BENT_LEG_FRACTION) / (1.0 - BENT_LEG_FRACTION))
         carries = UNLOADED_FOOT_WEIGHT + straight * weight
-        rise += carries * rise_for(leg.hip, leg.ankle, reach)
+        rise += carries * rise_for(hip, ankle, reach)
         total += carries
     return rise / total
 

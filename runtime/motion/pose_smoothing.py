@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import cos
+from math import cos, dist
 
 import numpy as np
 
@@ -157,8 +157,8 @@ class Settling:
         `joints` and those of the last frame are `(N, 31, 3)`, relative to the root. `free`: nothing is requested of the body,
         so it may come to rest; `still`: it has reached its requested place; `grounded`: both feet stand where they may stay.
         """
-        moved = joints.take(WATCHED, 1) - before.take(WATCHED, 1)
-        speeds = (np.sqrt((moved * moved).sum(-1)) * FPS).tolist()
+        places = zip(joints.take(WATCHED, 1).tolist(), before.take(WATCHED, 1).tolist(), strict=True)
+        speeds = [[FPS * moved for moved in map(dist, *each)] for each in places]
         usual, fractions = self.usual.tolist(), self.fraction.tolist()
         waits, rates = self.waited.tolist(), []
         for i, (speed, was) in enumerate(zip(speeds, fractions, strict=True)):
@@ -172,9 +172,11 @@ class Settling:
                     max(each * _FORGETS, now, MIN_USUAL_SPEED_M_PER_S)
                     for each, now in zip(usual[i], speed, strict=True)
                 ]
-            limits = zip(usual[i], AT_REST, speed, strict=True)
-            rate = min(max(fractions[i] * each, least) / max(now, MIN_DIVISOR) for each, least, now in limits)
-            rate = min(rate, 1.0)
+            rate = 1.0
+            if free[i] or fractions[i] < 1.0:
+                limits = zip(usual[i], AT_REST, speed, strict=True)
+                rates_of = (max(fractions[i] * e, least) / max(now, MIN_DIVISOR) for e, least, now in limits)
+                rate = min(rate, *rates_of)
             even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], MIN_RATE_FRACTION)))
             rate += (float(self.rate[i]) - rate) * even
             rates.append(

@@ -207,7 +207,7 @@ def _swung(
     before = [leg_forward(bones, hips, local) for bones in _LEGS]
     legs = [_moved_with(leg, bones, hips, pelvis, local) for leg, bones in zip(before, _LEGS, strict=True)]
     bears = max(contacts[:2]), max(contacts[2:])
-    rise += carrying_rise(legs, [span(leg) for leg in before], bears)
+    rise += carrying_rise([(leg.hip, leg.ankle) for leg in legs], [span(leg) for leg in before], bears)
     for bones, leg in zip(_LEGS, legs, strict=True):
         turned.update(zip(bones.joints[1:4], leg_inverse(leg, leg.ankle, leg.foot, -rise), strict=True))
     return rise, turned
@@ -218,7 +218,8 @@ def _moved_with(
 ) -> LegPose:
     """A leg whose thigh goes with a pelvis that is turned; its foot stays."""
     base, hip = leg_base(bones, hips, pelvis, local[bones.joints[0]])
-    return leg._replace(base=base, hip=hip, knee=add(leg.knee, subtract(hip, leg.hip)))
+    knee = add(leg.knee, subtract(hip, leg.hip))
+    return LegPose(base, leg.thigh, leg.shin, leg.foot, hip, knee, leg.ankle, leg.toe)
 
 
 def _turned_spine(

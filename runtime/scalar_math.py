@@ -57,6 +57,11 @@ def add(a: Vector, b: Vector) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
+def add_scaled(a: Vector, b: Vector, s: float) -> Vector:
+    """Return a plus s times b."""
+    return a[0] + b[0] * s, a[1] + b[1] * s, a[2] + b[2] * s
+
+
 def subtract(a: Vector, b: Vector) -> Vector:
     """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]

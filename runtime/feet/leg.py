@@ -19,6 +19,7 @@ from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
+    add_scaled,
     between,
     decay,
     dot,
@@ -108,7 +109,7 @@ def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
     if up <= 0.0:
         return leg
     turn = from_vector(scale(rotate(leg.foot, (-1.0, 0.0, 0.0)), fraction * up))
-    return leg._replace(foot=multiply(turn, leg.foot), toe=add(leg.ankle, rotate(turn, sole)))
+    return LegPose(*leg[:3], multiply(turn, leg.foot), *leg[4:7], add(leg.ankle, rotate(turn, sole)))
 
 
 def leg_inverse(
@@ -130,8 +131,8 @@ def leg_inverse(
     bend = rotate(swing, _bend(axis, upper, rotate(thigh, (0.0, 0.0, 1.0))))
     c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
     s = sqrt(1.0 - c * c)
-    thigh_to = add(scale(aim, c), scale(bend, s))
-    shin_to = unit(subtract(scale(aim, d), scale(thigh_to, a)))
+    thigh_to = add_scaled(scale(aim, c), bend, s)
+    shin_to = unit(add_scaled(scale(aim, d), thigh_to, -a))
     thigh_turn = multiply(between(rotate(swing, unit(upper)), thigh_to), swing)
     shin_turn = multiply(between(rotate(swing, unit(lower)), shin_to), swing)
     thigh, shin = multiply(thigh_turn, thigh), multiply(shin_turn, shin)
@@ -158,8 +159,8 @@ def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
     """Return the direction from toe to ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
     cosine = min(max(cosine, -1.0), 1.0)
     up = scale(to_hip, 1.0 / length(to_hip))
-    side = unit(subtract(along, scale(up, dot(along, up))))
-    return add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+    side = unit(perpendicular(along, up))
+    return add_scaled(scale(up, cosine), side, sqrt(1.0 - cosine * cosine))
 
 
 def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
@@ -172,9 +173,9 @@ def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
 
 def _bend(axis: Vector, knee: Vector, pole: Vector) -> Vector:
     forward = unit(perpendicular(pole, axis))
-    bend = add(perpendicular(knee, axis), scale(forward, POLE_WEIGHT_M))
+    bend = add_scaled(perpendicular(knee, axis), forward, POLE_WEIGHT_M)
     lack = 0.5 * POLE_WEIGHT_M - dot(bend, forward)
-    return unit(add(bend, scale(forward, lack)) if lack > 0.0 else bend)
+    return unit(add_scaled(bend, forward, lack) if lack > 0.0 else bend)
 
 
 # rad/s2, of the flexion; 6 degrees a frame squared are seen as a snap, captures stay below
@@ -248,7 +249,7 @@ def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights,
     """
     world = multiply(foot, toe)
     ahead = rotate(world, (0.0, 0.0, 1.0))
-    tip = add(joint, scale(ahead, TOE_LENGTH))
+    tip = add_scaled(joint, ahead, TOE_LENGTH)
     rise = min(ground.height(tip[0], tip[2]) + TOE_HEIGHT - sink - joint[1], HIGHEST_TIP_M) / TOE_LENGTH
     if ahead[1] >= rise:
         return toe

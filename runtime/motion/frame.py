@@ -207,7 +207,7 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     )
     most = MAX_LIFT_M_PER_S * DT
     state.ground = np.minimum(np.maximum(ground, state.ground - most), state.ground + most)
-    return features.build_input(parts)
+    return features.build_input(parts, ground)
 
 
 def _noise(model: MotionModel, state: CharacterState, temperature: Sequence[float]) -> list[Array]:

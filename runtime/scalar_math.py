@@ -7,6 +7,7 @@ frame. Vectors are (x, y, z), quaternions (w, x, y, z). `runtime.rotations` and 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from math import atan2, cos, hypot, sin, sqrt
 
 from runtime.pose import FPS
@@ -47,6 +48,7 @@ def damp_vector(
     return moved, (fade * (vx - ax * rate), fade * (vy - ay * rate), fade * (vz - az * rate))
 
 
+@lru_cache(maxsize=256)
 def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
     """Return the fraction of a difference that is left after `dt` seconds, for a half-life in seconds."""
     return float(0.5 ** (dt / half_life))

@@ -78,12 +78,12 @@ class BodyEdits:
     def apply(self, hips: Array, local: Array, contacts: Array, request: EditRequest) -> EditedPose:
         """Return the pose with what its prompt asks for added; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
         x, y, z = hips.tolist()
-        chances, targets, rise = np.asarray(contacts, np.float64), request.targets, 0.0
-        posed = EditedPose.of(hips, local, chances)
+        chances, targets, rise = np.asarray(contacts, np.float64).tolist(), request.targets, 0.0
+        posed = EditedPose.of(hips, local, contacts)
         ahead = (sin(request.yaw), 0.0, cos(request.yaw))
         strides = [dot(subtract(leg.ankle, (x, y, z)), ahead) for leg in posed.legs[::-1]]
         if self.legs.active or any(asks(leg[: len(LEG)]) for leg in targets[:2]):
-            rise, (left, right) = self.legs.apply(y, posed.legs, chances.tolist(), request)
+            rise, (left, right) = self.legs.apply(y, posed.legs, chances, request)
             posed = posed._replace(legs=(left, right))
         elif self.legs.height:
             self.legs = LegEdit()  # what is asked for later is measured anew
@@ -91,7 +91,7 @@ class BodyEdits:
         moved = (x + east, y + rise + up, z + south)
         if any(arm.active or asks(row) for arm, row in zip(self.arms, targets[ROW_ARMS:], strict=True)):
             local = self._with_arms(moved, local, strides, request)
-        return posed._replace(local=local).carried((east, up, south), rise)
+        return posed._replace(local=local, contacts=np.array(chances)).carried((east, up, south), rise)
 
     def _with_arms(self, hips: Vector, local: Array, strides: list[float], request: EditRequest) -> Array:
         rotations: list[Quaternion] = [tuple(q) for q in local.tolist()]

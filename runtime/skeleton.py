@@ -90,16 +90,14 @@ class Skeleton:
     @cached_property
     def _turned_offsets(self) -> dict[str, Array]:
         """`(J, 3, 16)`: a rotation moves the end of an offset by this, times the products of each two of its numbers."""
-        turned = np.zeros((len(self), 3, 4, 4), self.offsets.dtype)
-        for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            turned[:, x, 0, 1 + y], turned[:, x, 0, 1 + z] = (
-                2.0 * self.offsets[:, z],
-                -2.0 * self.offsets[:, y],
-            )
-            for other in (y, z):
-                turned[:, x, 1 + x, 1 + other] = 2.0 * self.offsets[:, other]
-                turned[:, x, 1 + other, 1 + other] = -2.0 * self.offsets[:, x]
-        return _of_both_types(turned.reshape(len(self), 3, 16))
+        # of two numbers q[a] q[b]: half of what both do together and neither does alone
+        ones = np.eye(4)
+        alone, both = (
+            rotations.rotate(q[..., None, :], self.offsets) - self.offsets
+            for q in (ones, ones[:, None] + ones)
+        )
+        turned = 0.5 * (both - alone[:, None] - alone)
+        return _of_both_types(turned.reshape(16, len(self), 3).transpose(1, 2, 0))
 
     @cached_property
     def _by_depth(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[slice, NDArray[np.int64]]]]:

@@ -93,15 +93,8 @@ _CUBIC = np.linalg.pinv(np.vander((np.arange(WINDOW_FRAMES) - _MIDDLE) * DT, 4, 
 _FIT = np.stack([_CUBIC[0], 2.0 * _CUBIC[2]])  # of the window's middle: place and acceleration
 # what the window has of each frame: centre of mass, foot points, which feet stand, planned velocity, phase of the
 # stride, and whether the frame is learnt from
-_MASS, _POINTS, _STANDS, _VELOCITY, _PHASE, _LEARNS = (
-    slice(3),
-    slice(3, 11),
-    slice(11, 13),
-    slice(13, 15),
-    15,
-    16,
-)
-_COLUMNS = 17
+_MASS, _POINTS, _STANDS, _VELOCITY = slice(3), slice(3, 11), slice(11, 13), slice(13, 15)
+_PHASE, _LEARNS, _COLUMNS = 15, 16, 17
 _TERMS = 1 + 2 * HARMONICS
 _ORDERS = (np.arange(_TERMS) + 1) // 2  # the harmonic of each term
 _USUAL = np.array([[USUAL_ERRORS_M.get(term, 0.0), 0.0] for term in range(_TERMS)])
@@ -187,18 +180,7 @@ class StrideBalance:
         places = masses[:, ::2] - MASS_SHIFT * self.shift
         masses[:, ::2] = places + MASS_SHIFT * self.smoothing
         smoothing = self._follow_mass(places.view(complex)[:, 0].tolist(), velocities, paths)
-        rows = zip(
-            masses.tolist(),
-            feet.tolist(),
-            stands,
-            velocity.tolist(),
-            self.phase.tolist(),
-            steady,
-            strict=True,
-        )
-        row = np.array(
-            [[*mass, *own, *on, *moves, phase, goes] for mass, own, on, moves, phase, goes in rows]
-        )
+        row = np.concatenate([masses, feet, stands, velocity, self.phase[:, None], np.array([steady]).T], -1)
         self.window = np.concatenate([self.window[:, 1:], row[:, None]], 1)
         if any(steady):
             self._learn()
@@ -207,13 +189,12 @@ class StrideBalance:
         if not any(in_force):
             self.shift = self.smoothing = np.zeros_like(velocity)
             return self.shift
-        terms = _terms(self.phase.tolist()) / self._pendulum(masses[:, 1])
         smoothing = [f * c * each for f, c, each in zip(in_force, composed, smoothing, strict=True)]
-        missing = zip(in_force, self._missing(terms, velocities), paths, smoothing, strict=True)
-        shift = [
-            f * (_limited(each / MASS_SHIFT, MAX_SHIFT_M) * path) + more for f, each, path, more in missing
-        ]
-        self.smoothing, self.shift = _pairs(smoothing), _pairs(shift)
+        k = np.maximum(masses[:, 1], LEAST_HEIGHT_M)[:, None] / GRAVITY_M_PER_S2
+        terms = _terms(self.phase.tolist()) / (1.0 + k * (_ORDERS * self.frequency[:, None]) ** 2)
+        missing = [_limited(each / MASS_SHIFT, MAX_SHIFT_M) for each in self._missing(terms, velocities)]
+        parts = zip(in_force, missing, paths, smoothing, strict=True)
+        self.smoothing, self.shift = _pairs(smoothing), _pairs([f * (m * p) + s for f, m, p, s in parts])
         return self.shift
 
     def _follow_mass(
@@ -236,9 +217,8 @@ class StrideBalance:
             followed.append(expected + complex(along * away.real, across * away.imag) * path)
             moved.append(speed + complex(faster * away.real, aside * away.imag) * path)
         self.mass_place, self.mass_velocity = _pairs(followed), _pairs(moved)
-        return [
-            _limited((b - a) / MASS_SHIFT, MAX_SMOOTHING_M) for a, b in zip(places, followed, strict=True)
-        ]
+        away_by = (b - a for a, b in zip(places, followed, strict=True))
+        return [_limited(each / MASS_SHIFT, MAX_SMOOTHING_M) for each in away_by]
 
     def _follow_phase(self, feet: Sequence[Sequence[complex]], paths: Sequence[complex]) -> None:
         """Follow the phase of the stride by how far the ankles are apart along the path."""
@@ -278,10 +258,10 @@ class StrideBalance:
         velocities = middle[:, _VELOCITY].view(complex)[:, 0].tolist()
         fitted = (_FIT @ self.window[..., _MASS]).tolist()
         points, stands = middle[:, _POINTS].view(complex).tolist(), middle[:, _STANDS].tolist()
-        frames = zip(fitted, points, stands, velocities, self._missing(terms, velocities), strict=True)
-        missing = _pairs(
-            [_error(fit, own, on) * _direction(v).conjugate() - has for fit, own, on, v, has in frames]
+        errors = zip(
+            map(_error, fitted, points, stands), velocities, self._missing(terms, velocities), strict=True
         )
+        missing = _pairs([error * _direction(v).conjugate() - known for error, v, known in errors])
         spread = (self.covariance @ terms[..., None])[..., 0]
         gain = known * spread / (_KEEPS + np.add.reduce(terms * spread, -1, keepdims=True))
         self.errors = self.errors + gain[..., None] * missing[:, None]
@@ -295,11 +275,6 @@ class StrideBalance:
         squares = np.array([min(abs(each), MAX_USUAL_SPEED_M_PER_S) ** 2 for each in velocities])
         made = terms[:, None] @ (self.errors + squares[:, None, None] * _USUAL)
         return made.view(complex)[:, 0, 0].tolist()
-
-    def _pendulum(self, height: Array) -> Array:
-        """Return `(N, 9)` by what each term of an error is divided."""
-        k = np.maximum(height, LEAST_HEIGHT_M)[:, None] / GRAVITY_M_PER_S2
-        return 1.0 + k * (_ORDERS * self.frequency[:, None]) ** 2
 
     def _fade(self, steady: Sequence[bool]) -> None:
         """Bring the correction into force for who is `steady`, and out of it for all others."""

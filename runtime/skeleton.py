@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,15 +48,14 @@ class Skeleton:
         `root_position` `(..., 3)` in metres, `local` `(..., J, 4)` rotations relative to the parent.
         """
         local = np.asarray(local)
-        order, places, doublings = self._by_depth
-        world = local.take(order, -2)[..., None]
-        for joints, above in doublings:
-            turns = rotations.left_matrix(world[..., 0].take(above, -2))
-            world[..., joints, :, :] = turns @ world[..., joints, :, :]
+        order, places, levels = self._by_depth
+        ordered = local.take(order, -2)[..., None]
+        world = ordered.copy()
+        for joints, parents in levels:
+            above = rotations.left_matrix(world[..., 0].take(parents, -2))
+            np.matmul(above, ordered[..., joints, :, :], out=world[..., joints, :, :])
         world = world[..., 0].take(places, -2)
-        turns = world.take(self._parents, -2)
-        squares = (turns[..., None] * turns[..., None, :]).reshape(*turns.shape[:-1], 16, 1)
-        bones = self.offsets + (self._turned_offsets[local.dtype.char] @ squares)[..., 0]
+        bones = rotations.rotate(world.take(self._parents, -2), self.offsets)
         positions = np.asarray(root_position)[..., None, :] + self._above[bones.dtype.char] @ bones
         return positions.astype(local.dtype, copy=False), world
 
@@ -79,54 +79,33 @@ class Skeleton:
 
     @cached_property
     def _above(self) -> dict[str, Array]:
-        """`(J, J)`: one where the second joint lies on the way from the root to the first, both but the root included."""
-        above = np.zeros((len(self), len(self)), self.offsets.dtype)
+        """`(J, J)`: one where the second joint lies on the way from the root to the first, both but the root included.
+
+        Of both types, as a product of two types takes several times as long.
+        """
+        above = np.zeros((len(self), len(self)), np.float32)
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
                 above[joint] = above[parent]
                 above[joint, joint] = 1.0
-        return _of_both_types(above)
-
-    @cached_property
-    def _turned_offsets(self) -> dict[str, Array]:
-        """`(J, 3, 16)`: a rotation moves the end of an offset by this, times the products of each two of its numbers."""
-        # of two numbers q[a] q[b]: half of what both do together and neither does alone
-        ones = np.eye(4)
-        alone, both = (
-            rotations.rotate(q[..., None, :], self.offsets) - self.offsets
-            for q in (ones, ones[:, None] + ones)
-        )
-        turned = 0.5 * (both - alone[:, None] - alone)
-        return _of_both_types(turned.reshape(16, len(self), 3).transpose(1, 2, 0))
+        return {"f": above, "d": above.astype(np.float64)}
 
     @cached_property
     def _by_depth(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[slice, NDArray[np.int64]]]]:
-        """Joints by their depth, and the place of each in that order; from depths of 1, 2, 4 ... on, the places of what is so far above.
-
-        With each step a product of rotations reaches twice as far up.
-        """
+        """Joints by their depth, the place of each in that order, and there each depth but the first with the places of its parents."""
         depths: list[int] = []
         for parent in self.parents:
             depths.append(depths[parent] + 1 if parent >= 0 else 0)
         order = np.argsort(depths, kind="stable")
         places = np.argsort(order)
-        doublings, above, far = [], places[self._parents[order]], 1
-        while far <= max(depths):
-            first = sum(depth < far for depth in depths)
-            doublings.append((slice(first, None), above[first:]))
-            above, far = above[above], 2 * far
-        return order, places, doublings
+        parents, ends = places[self._parents[order]], np.bincount(depths).cumsum().tolist()
+        return order, places, [(slice(a, b), parents[a:b]) for a, b in pairwise(ends)]
 
     def local_rotations(self, world: Array) -> Array:
         """Return rotations relative to the parent `(..., J, 4)` for world rotations `(..., J, 4)`."""
         local = rotations.multiply(rotations.inverse(world[..., self._parents, :]), world)
         local[..., self._roots, :] = world[..., self._roots, :]
         return local
-
-
-def _of_both_types(array: Array) -> dict[str, Array]:
-    """Return an array by the type of number: a product of two types takes several times as long."""
-    return {"f": array.astype(np.float32), "d": array.astype(np.float64)}
 
 
 # name, parent, offset in metres. Lengths are those of the PFNN character (Holden et al. 2017), made symmetric;

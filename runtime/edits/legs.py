@@ -31,7 +31,6 @@ from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
-    add_scaled,
     decay,
     dot,
     length,
@@ -120,7 +119,7 @@ class LegEdit:
         ]
         ankles = [foot.ankle for foot in feet]
         moved = [
-            add_scaled(ankle, side, sign * each[OUTWARD])
+            add(ankle, scale(side, sign * each[OUTWARD]))
             for ankle, sign, each in zip(ankles, (1.0, -1.0), added, strict=True)
         ]
         moved = self.line.apply(scale(add(legs[0].hip, legs[1].hip), 0.5), moved, bears, request)
@@ -134,7 +133,7 @@ class LegEdit:
             if added[k][KNEE] > 0.0:
                 ankle, aside = _straightened(foot, up, ankle, spans[k][1], bears[k], request)
                 swings[k] += (aside - swings[k]) * (1.0 - decay(SIDESTEP_HALF_LIFE_S))
-                ankle = add_scaled(ankle, side, (1.0 - 2.0 * k) * swings[k])
+                ankle = add(ankle, scale(side, (1.0 - 2.0 * k) * swings[k]))
                 foot = _toe_over(
                     foot, request.ground + TOE_HEIGHT + SWING_CLEARANCE_M - ankle[1], 1.0 - bears[k]
                 )
@@ -304,7 +303,7 @@ def _straightened(
     hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
     along = subtract(ankle, hip)
     reach = max(length(along), MIN_SIZE)
-    target = add_scaled(hip, along, max(straight / reach, 1.0))
+    target = add(hip, scale(along, max(straight / reach, 1.0)))
     floor = request.ground + ANKLE_HEIGHT + SWING_CLEARANCE_M
     floor += min(bears, 1.0) * min(ankle[1] - floor, 0.0)  # what stands, stands
     sunk, drop = max(floor - target[1], 0.0), hip[1] - target[1]

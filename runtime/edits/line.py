@@ -12,7 +12,7 @@ from math import cos, hypot, sin
 
 from runtime.edits.request import OUTWARD, EditRequest, limited, narrow, range_of
 from runtime.pose import FPS
-from runtime.scalar_math import Vector, add, add_scaled, decay, dot, scale, subtract
+from runtime.scalar_math import Vector, add, decay, dot, scale, subtract
 
 STEP_HALF_LIFE = 0.04  # seconds in which a swinging foot comes before the one that stands
 FOLLOWED_FRACTION = 0.55  # of the way there that it goes: by the rest the network keeps its balance
@@ -62,7 +62,7 @@ class FootLine:
             ahead = apart[2] * side[0] - apart[0] * side[2]
             near = max(1.0 - (ahead / PASSING_M) ** 2, 0.0)
             push = by * near * free * max(CLEAR_M - gap - sign * steps[k], 0.0)
-            moved.append(add_scaled(ankle, side, steps[k] + sign * push))
+            moved.append(add(ankle, scale(side, steps[k] + sign * push)))
         self.left, self.right = steps
         return moved
 

@@ -10,7 +10,7 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet.leg import LegPose
-from runtime.scalar_math import Vector, add, add_scaled, damp, dot, scale, subtract
+from runtime.scalar_math import Vector, add, damp, dot, scale, subtract
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import PointHeights
 
@@ -57,7 +57,7 @@ def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeigh
     middle = to_middle(hips, side, ground)
     if middle is None:
         return None
-    over = add_scaled(hips, side, middle)
+    over = add(hips, scale(side, middle))
     top = ground.height(over[0], over[2])
     for sign in (ALONG_M, -ALONG_M):
         if ground.height(over[0] - sign * side[2], over[2] + sign * side[0]) < top - DROP_M:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from math import cos, pi, sin, sqrt
 
 from runtime.feet.leg import LegPose, turned_out
-from runtime.scalar_math import MIN_SIZE, Vector, add, add_scaled, damp, scale, smoothstep
+from runtime.scalar_math import MIN_SIZE, Vector, add, damp, scale, smoothstep
 from runtime.skeleton import ANKLE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 
@@ -269,4 +269,4 @@ class NextStep:
 
 
 def _between(a: Vector, b: Vector, fractions: tuple[float, ...]) -> list[Vector]:
-    return [add_scaled(scale(a, 1.0 - f), b, f) for f in fractions]
+    return [add(scale(a, 1.0 - f), scale(b, f)) for f in fractions]

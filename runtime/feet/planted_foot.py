@@ -16,7 +16,6 @@ from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
-    add_scaled,
     between,
     damp,
     damp_vector,
@@ -261,7 +260,7 @@ class PlantedFoot:
         along = unit(to_ankle)
         turned = rolled(to_hip, along, roll_cosine(to_hip, foot, wanted))
         self.rotation = multiply(between(along, turned), self.rotation)
-        self.ankle = add_scaled(self.toe, turned, foot)
+        self.ankle = add(self.toe, scale(turned, foot))
 
     def _settle(self, y: float, velocity: float, ground: float, incoming: float, dt: float) -> float:
         """Height of a held point on its way to the ground's, or within what is unseen of it the incoming one."""

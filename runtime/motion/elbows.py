@@ -37,38 +37,31 @@ class Elbows:
 
     def apply(self, local: Array, free: Sequence[bool]) -> None:
         """Bend the elbows of local rotations `(N, 31, 4)` in place; who is not `free` holds on to something."""
-        came, pairs = local.take(FOREARMS, 1).tolist(), []
+        pairs = []
         numbers = zip(self.shown.tolist(), self.speed.tolist(), self.incoming.tolist(), strict=True)
-        for i, (known, lets, arms, each) in enumerate(
-            zip(self.known.tolist(), free, came, numbers, strict=True)
-        ):
+        bodies = zip(local.take(FOREARMS, 1).tolist(), numbers, self.known.tolist(), free, strict=True)
+        for i, (arms, each, known, lets) in enumerate(bodies):
             for joint, q, shown, speed, incoming in zip(FOREARMS, arms, *each, strict=True):
-                turn, flexion, bent = _followed(q, shown, speed, incoming, bool(known) and lets)
-                if turn is not None:
-                    local[i, joint] = multiply(turn, q)
+                local[i, joint], flexion, bent = _followed(q, shown, speed, incoming, bool(known) and lets)
                 pairs.append((bent, bent - shown if known else 0.0, flexion))
-        shown, self.speed, self.incoming = np.array(pairs).reshape(-1, 2, 3).transpose(2, 0, 1)
-        self.shown, self.known = shown, np.ones_like(self.known)
+        self.shown, self.speed, self.incoming = np.array(pairs).reshape(-1, 2, 3).transpose(2, 0, 1)
+        self.known = np.ones_like(self.known)
 
 
 def _followed(
     q: Quaternion, shown: float, speed: float, incoming: float, follows: bool
-) -> tuple[Quaternion | None, float, float]:
-    """Return the turn of a forearm that comes with local rotation `q`, or None, its flexion and that to show (radians)."""
+) -> tuple[Quaternion, float, float]:
+    """Return the local rotation of a forearm to show, of one that comes with `q`, its flexion and the shown one (radians)."""
     w, x, y, z = q
     # across the upper arm, in which its bone is +-X: where the forearm points
     up, ahead = 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
     sine = hypot(up, ahead)
     flexion = atan2(sine, 1.0 - 2.0 * (y * y + z * z))
-    behind = abs(incoming - shown)
-    step = copysign(min(behind, sqrt(2.0 * BRAKING_RAD_PER_FRAME2 * behind)), incoming - shown)
+    behind = incoming - shown
+    step = copysign(min(abs(behind), sqrt(2.0 * BRAKING_RAD_PER_FRAME2 * abs(behind))), behind)
     change = flexion - incoming + step - speed
-    if (
-        not follows
-        or sine <= STRAIGHT_SINE
-        or (abs(change) <= MAX_BEND_RAD_PER_FRAME2 and abs(step) == behind)
-    ):
-        return None, flexion, flexion
-    change = min(max(change, -MAX_BEND_RAD_PER_FRAME2), MAX_BEND_RAD_PER_FRAME2)
-    bent = max(shown + speed + change, 0.0)
-    return from_vector(scale((0.0, -ahead, up), (bent - flexion) / sine)), flexion, bent
+    most = MAX_BEND_RAD_PER_FRAME2
+    if not follows or sine <= STRAIGHT_SINE or (abs(change) <= most and step == behind):
+        return q, flexion, flexion
+    bent = max(shown + speed + min(max(change, -most), most), 0.0)
+    return multiply(from_vector(scale((0.0, -ahead, up), (bent - flexion) / sine)), q), flexion, bent

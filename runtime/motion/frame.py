@@ -114,7 +114,9 @@ def step(
     )
     gains = [style.swings for style in styles]
     steady = _steady(state, state.measured_speed)
-    swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state, steady))
+    walks = state.trajectory.gait[:, PRESENT, Gait.WALK].tolist()
+    walking = [goes and walk > 0.5 for goes, walk in zip(steady, walks, strict=True)]
+    swung = state.swings.apply(joints[:, 0], local, contacts, gains, walking)
     network = placed(*swung, state.trajectory, state.ground)
     even = _undisturbed(state, probes, steady)
     balanced = _undisturbed(state, probes, _steady(state, state.root_speed))
@@ -143,12 +145,6 @@ def _steady(state: CharacterState, speed: Array) -> list[bool]:
             *(n.tolist() for n in numbers), state.jumps, strict=True
         )
     ]
-
-
-def _walking(state: CharacterState, steady: Sequence[bool]) -> list[bool]:
-    """Return which of the `steady` characters walk, rather than jog or crouch."""
-    walk = state.trajectory.gait[:, PRESENT, Gait.WALK].tolist()
-    return [goes and walks > 0.5 for walks, goes in zip(walk, steady, strict=True)]
 
 
 def _undisturbed(

@@ -21,7 +21,7 @@ from runtime.scalar_math import (
     MIN_SIZE,
     Quaternion,
     Vector,
-    add_scaled,
+    add,
     between,
     damp,
     dot,
@@ -349,7 +349,7 @@ class Jump:
         hip = leg.raised(self.over)
         toe = (leg.toe[0], leg.toe[1] + up, leg.toe[2])
         if flies > 0.0 and self.foot != BOTH:
-            toe = add_scaled(toe, self._apart(side, leg), flies)
+            toe = add(toe, scale(self._apart(side, leg), flies))
         if self.foot != BOTH:
             x, z = self._shifted(side, toe, hip, _ahead(leg), high)
             toe = (toe[0] + x, toe[1], toe[2] + z)
@@ -364,9 +364,9 @@ class Jump:
             to_hip = subtract(hip, toe)
             turned = rolled(to_hip, along, roll_cosine(to_hip, bones.foot_length, reach))
             foot = multiply(between(along, turned), foot)
-            ankle = add_scaled(toe, turned, bones.foot_length)
+            ankle = add(toe, scale(turned, bones.foot_length))
             away = subtract(ankle, hip)
-            ankle = add_scaled(hip, away, min(reach / length(away), 1.0))
+            ankle = add(hip, scale(away, min(reach / length(away), 1.0)))
         if flies > 0.0:
             right = rotate(leg.base, (1.0, 0.0, 0.0))
             foot = multiply(from_vector(scale(right, POINTED_TOES_RAD * flies)), foot)

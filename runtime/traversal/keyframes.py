@@ -20,7 +20,6 @@ from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
-    add_scaled,
     cross,
     dot,
     from_vector,
@@ -161,7 +160,7 @@ def place_foot(
     ankle = subtract(toe, rotate(foot, bones.offsets[4]))
     way = subtract(leg.hip, ankle)
     away = length(way)
-    ankle = add_scaled(ankle, way, free * beyond(away, EASY_LEG_M, LEG_SLACK_M) / max(away, MIN_SIZE))
+    ankle = add(ankle, scale(way, free * beyond(away, EASY_LEG_M, LEG_SLACK_M) / max(away, MIN_SIZE)))
     solved = leg_inverse(leg, ankle, foot)
     for joint, rotation in zip(bones.joints[1:4], solved, strict=True):
         local[joint] = rotation
@@ -199,8 +198,8 @@ def place_hand(
     reach = max(soft_reach(length(way), a + b), abs(a - b) + MIN_ARM_OPENING_M)
     out = unit(subtract(pole, scale(aim, dot(pole, aim))))
     c = min(1.0, max(-1.0, (a * a + reach * reach - b * b) / (2.0 * a * reach)))
-    upper = add_scaled(scale(aim, c), out, sqrt(1.0 - c * c))
-    fore = unit(add_scaled(scale(aim, reach), upper, -a))
+    upper = add(scale(aim, c), scale(out, sqrt(1.0 - c * c)))
+    fore = unit(subtract(scale(aim, reach), scale(upper, a)))
     # across the upper arm, to the hand
     flexed = unit(subtract(scale(out, -c), scale(aim, -sqrt(1.0 - c * c))))
     hinge = cross(flexed, upper) if side == 0 else cross(upper, flexed)
@@ -344,7 +343,7 @@ class KeyframedMotion:
                 way = subtract((x, y, z), shoulder_frame(mine, side, place)[1])
                 wanted = length(way)
                 over = min(beyond(wanted, EASY_REACH_M, SLACK_M), FARTHEST_PULL_M)
-                place = add_scaled(place, way, weight * over / max(wanted, MIN_SIZE))
+                place = add(place, scale(way, weight * over / max(wanted, MIN_SIZE)))
         return place
 
 

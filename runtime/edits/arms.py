@@ -137,13 +137,8 @@ class ArmEdit:
     @property
     def active(self) -> bool:
         """Whether the edit currently changes the arm."""
-        angles = abs(self.more_bend) > MIN_SEEN or abs(self.more_out) > MIN_SEEN
-        return (
-            angles
-            or abs(self.more_swing) > MIN_SEEN
-            or abs(self.in_step) > MIN_ADDED
-            or self._placed > MIN_ADDED
-        )
+        most = max(abs(self.more_bend), abs(self.more_out), abs(self.more_swing))
+        return most > MIN_SEEN or max(abs(self.in_step), self._placed) > MIN_ADDED
 
     @property
     def _placed(self) -> float:
@@ -256,12 +251,10 @@ def _flexion(arm: ArmPose) -> float:
 
 def _turned(arm: ArmPose, turn: Quaternion) -> ArmPose:
     """The whole arm turned about its shoulder."""
-    elbow, wrist = (
-        add(arm.shoulder, rotate(turn, subtract(p, arm.shoulder))) for p in (arm.elbow, arm.wrist)
-    )
-    return arm._replace(
-        upper=multiply(turn, arm.upper), lower=multiply(turn, arm.lower), elbow=elbow, wrist=wrist
-    )
+    at = arm.shoulder
+    elbow, wrist = (add(at, rotate(turn, subtract(p, at))) for p in (arm.elbow, arm.wrist))
+    turned = multiply(turn, arm.upper), multiply(turn, arm.lower)
+    return ArmPose(arm.sign, arm.collar, *turned, arm.hand, at, elbow, wrist)
 
 
 def _hinge(arm: ArmPose) -> Vector:

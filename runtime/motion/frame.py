@@ -97,7 +97,7 @@ def step(
     noise = _noise(model, state, temperature)
     state.frame = state.frame + 1
     flat = _network(model, x, noise, styles)
-    sound: Flags = np.abs(flat).max(-1) < MAX_OUTPUT  # false for what is not a number
+    sound: Flags = np.maximum.reduce(np.abs(flat), -1) < MAX_OUTPUT  # false for what is not a number
     if not all(sound.tolist()):
         flat[~sound] = 0.0  # these stand again, below
     y = split_output(flat.astype(np.float64))

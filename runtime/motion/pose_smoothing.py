@@ -67,8 +67,10 @@ class Inertialization:
         ]
         limits = [_fastest(*pair) for pair in zip(left, rest, strict=True)]
         arms = local.take(JOINTS, 1)
-        same = np.abs((arms * self.last).sum(-1)).min(-1).tolist()  # cosines of half the fastest turns
-        held = np.abs(self.offset).max((1, 2)).tolist()
+        same = np.minimum.reduce(
+            np.abs(np.add.reduce(arms * self.last, -1)), -1
+        ).tolist()  # cosines of half the fastest turns
+        held = np.maximum.reduce(np.abs(self.offset), (1, 2)).tolist()
         active = [
             left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE_RAD or same[i] < cos(0.5 * limit)
             for i, limit in enumerate(limits)

@@ -115,12 +115,8 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 def relative(parent: Quaternion, world: Quaternion) -> Quaternion:
     """Return the rotation `world` relative to `parent`, normalised."""
-    aw, ax, ay, az = parent
-    bw, bx, by, bz = world
-    w = aw * bw + ax * bx + ay * by + az * bz
-    x = aw * bx - ax * bw - ay * bz + az * by
-    y = aw * by + ax * bz - ay * bw - az * bx
-    z = aw * bz - ax * by + ay * bx - az * bw
+    w, x, y, z = parent
+    w, x, y, z = multiply((w, -x, -y, -z), world)
     s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
     return w * s, x * s, y * s, z * s
 

@@ -54,12 +54,11 @@ class EditedPose(NamedTuple):
 
     def carried(self, by: Vector, rise: float = 0.0) -> EditedPose:
         """Return the pose with its hips shifted by `by` and raised by `rise` (metres), the latter with its feet."""
-        east, up, south = by
-        whole, (left, right) = (east, rise + up, south), self.incoming
-        at, came = np.array(add(self.hips.tolist(), whole)), (left.moved(whole), right.moved(whole))
-        return self._replace(
-            hips=at, incoming=came, legs=(_under(self.legs[0], by), _under(self.legs[1], by))
-        )
+        (east, up, south), (left, right), (left_stands, right_stands) = by, self.incoming, self.legs
+        whole = east, rise + up, south
+        came = left.moved(whole), right.moved(whole)
+        legs = left_stands.moved(by, True), right_stands.moved(by, True)
+        return self._replace(hips=np.array(add(self.hips.tolist(), whole)), incoming=came, legs=legs)
 
 
 @dataclass
@@ -133,8 +132,3 @@ def _arm(chest: Axes, sign: float, joints: tuple[int, ...], rotations: list[Quat
     lower = multiply(upper, rotations[elbow])
     wrist = add(middle, rotate(lower, _OFFSETS[hand]))
     return ArmPose(sign, base, upper, lower, rotations[hand], at, middle, wrist)
-
-
-def _under(leg: LegPose, by: Vector) -> LegPose:
-    """The leg under hips that have moved by metres over a foot that stays."""
-    return LegPose(*leg[:4], add(leg.hip, by), add(leg.knee, by), leg.ankle, leg.toe)

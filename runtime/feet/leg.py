@@ -58,10 +58,10 @@ class LegPose(NamedTuple):
     ankle: Vector
     toe: Vector
 
-    def moved(self, by: Vector) -> LegPose:
-        """Return the leg shifted by `by` (metres)."""
-        hip, knee, ankle, toe = add(self.hip, by), add(self.knee, by), add(self.ankle, by), add(self.toe, by)
-        return LegPose(self.base, self.thigh, self.shin, self.foot, hip, knee, ankle, toe)
+    def moved(self, by: Vector, stands: bool = False) -> LegPose:
+        """Return the leg under hips that have moved by `by` (metres), over a foot that goes along or `stands`."""
+        ankle, toe = (self.ankle, self.toe) if stands else (add(self.ankle, by), add(self.toe, by))
+        return LegPose(*self[:4], add(self.hip, by), add(self.knee, by), ankle, toe)
 
     def raised(self, metres: float) -> Vector:
         """Return the hip position with the body raised."""

@@ -174,11 +174,10 @@ class Settling:
                     max(each * _FORGETS, now, MIN_USUAL_SPEED_M_PER_S)
                     for each, now in zip(usual[i], speed, strict=True)
                 ]
-            rate = 1.0
-            if free[i] or fractions[i] < 1.0:
-                limits = zip(usual[i], AT_REST, speed, strict=True)
-                rates_of = (max(fractions[i] * e, least) / max(now, MIN_DIVISOR) for e, least, now in limits)
-                rate = min(rate, *rates_of)
+            # unless it comes to rest, none of its limbs is faster than usual
+            limits = zip(usual[i], AT_REST, speed, strict=True) if free[i] or fractions[i] < 1.0 else ()
+            slow = (max(fractions[i] * each, least) / max(now, MIN_DIVISOR) for each, least, now in limits)
+            rate = min(1.0, min(slow, default=1.0))
             even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], MIN_RATE_FRACTION)))
             rate += (float(self.rate[i]) - rate) * even
             rates.append(

@@ -18,7 +18,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.errors import ModelError
 from runtime.feet.foot_lock import carrying_rise
-from runtime.feet.leg import LegBones, LegPose, leg_base, leg_bones, leg_forward, leg_inverse
+from runtime.feet.leg import LegPose, leg_base, leg_bones, leg_forward, leg_inverse
 from runtime.feet.reach import span
 from runtime.scalar_math import (
     MIN_DIVISOR,
@@ -145,9 +145,8 @@ class Swings:
             at, rotations = hips[i].tolist(), local[i].tolist()
             now = _measured(at[1], rotations)
             means = self.means[i].tolist() if shares[i] > 0.0 else now  # begins with what is
-            shares[i] += (1.0 - decay(SET_IN_HALF_LIFE_S if walks else LEAVE_HALF_LIFE_S)) * (
-                walks - shares[i]
-            )
+            kept = decay(SET_IN_HALF_LIFE_S if walks else LEAVE_HALF_LIFE_S)
+            shares[i] += (1.0 - kept) * (walks - shares[i])
             more = [shares[i] * (gain - 1.0) for gain in own]
             self.means[i] = means = _followed(means, now)
             rise, turned = _swung(at, rotations, contacts[i].tolist(), more, now, means)
@@ -205,21 +204,15 @@ def _swung(
         size = min(abs(more[ARMS]), MOST[ARMS] / max(length(swing), MIN_DIVISOR))
         turned[joint] = multiply(from_vector(scale(swing, copysign(size, more[ARMS]))), local[joint])
     before = [leg_forward(bones, hips, local) for bones in _LEGS]
-    legs = [_moved_with(leg, bones, hips, pelvis, local) for leg, bones in zip(before, _LEGS, strict=True)]
+    legs = []  # their thighs go with the pelvis, and their feet stay
+    for leg, bones in zip(before, _LEGS, strict=True):
+        base, hip = leg_base(bones, hips, pelvis, local[bones.joints[0]])
+        legs.append(LegPose(base, *leg[1:4], hip, add(leg.knee, subtract(hip, leg.hip)), *leg[6:]))
     bears = max(contacts[:2]), max(contacts[2:])
     rise += carrying_rise([(leg.hip, leg.ankle) for leg in legs], [span(leg) for leg in before], bears)
     for bones, leg in zip(_LEGS, legs, strict=True):
         turned.update(zip(bones.joints[1:4], leg_inverse(leg, leg.ankle, leg.foot, -rise), strict=True))
     return rise, turned
-
-
-def _moved_with(
-    leg: LegPose, bones: LegBones, hips: Vector, pelvis: Quaternion, local: list[Quaternion]
-) -> LegPose:
-    """A leg whose thigh goes with a pelvis that is turned; its foot stays."""
-    base, hip = leg_base(bones, hips, pelvis, local[bones.joints[0]])
-    knee = add(leg.knee, subtract(hip, leg.hip))
-    return LegPose(base, leg.thigh, leg.shin, leg.foot, hip, knee, leg.ankle, leg.toe)
 
 
 def _turned_spine(

@@ -67,9 +67,7 @@ class WalkableShare:
             self.in_air.tolist(), self.height.tolist(), self.share.tolist(), strict=True,
         ):  # fmt: skip
             downs = *feet, any(feet)
-            air = [
-                seconds + DT if goes and not down else 0.0 for seconds, down in zip(air, downs, strict=True)
-            ]
+            air = [each + DT if goes and not down else 0.0 for each, down in zip(air, downs, strict=True)]
             mean = mean + _FOLLOWS * (height - mean) if goes else height
             square = square + _FOLLOWS * ((height - mean) ** 2 - square) if goes else 0.0
             flies = on_foot and (max(air[:2]) > MAX_SWING_S or air[2] > MAX_FLIGHT_S)

@@ -27,9 +27,10 @@ REMEDY = "Record the take again."
 
 def copied(record: Record) -> Record:
     """Return a copy of a record and of the records in it, sharing their arrays, which are never written to."""
-    made: Record = object.__new__(type(record))
+    kind: Any = type(record)
+    made: Record = object.__new__(kind)
     values = made.__dict__ = record.__dict__.copy()
-    for name in _inside(typing.cast(Any, type(record))):
+    for name in _inside(kind):
         value = values[name]
         values[name] = tuple(map(copied, value)) if isinstance(value, tuple) else copied(value)
     return made

@@ -160,25 +160,23 @@ for _entry, _places in enumerate(
 def from_matrix(m: Array) -> Array:
     """Return unit quaternions `(..., 4)` with w >= 0 for rotation matrices `(..., 3, 3)`."""
     m = np.asarray(m)
-    outer = (m.reshape(*m.shape[:-2], 9) @ _OUTER + _OUTER_CONSTANT).reshape(*m.shape[:-2], 4, 4)
+    outer = (m.reshape(-1, 9) @ _OUTER + _OUTER_CONSTANT).reshape(-1, 4, 4)
     # the largest row is the best conditioned estimate of q
-    best = outer.diagonal(0, -2, -1).argmax(-1)
-    q = outer.reshape(-1, 4).take(best.ravel() + np.arange(0, 4 * best.size, 4), 0).reshape(outer.shape[:-1])
-    length = np.sqrt((q * q).sum(-1, keepdims=True))
-    return (q / np.copysign(length, q[..., :1])).astype(m.dtype, copy=False)
+    q = outer[np.arange(len(outer)), outer.diagonal(0, -2, -1).argmax(-1)]
+    length = np.sqrt(np.add.reduce(q * q, -1, keepdims=True))
+    return (q / np.copysign(length, q[:, :1])).astype(m.dtype, copy=False).reshape(*m.shape[:-2], 4)
 
 
 def matrix_from_6d(d: Array) -> Array:
     """Return rotation matrices `(..., 3, 3)` for 6D rotations `(..., 6)`, by Gram-Schmidt on two independent vectors."""
     d = np.asarray(d)
-    x, y = d[..., :3], d[..., 3:]
-    x = x / np.maximum(np.sqrt(np.add.reduce(x * x, -1, keepdims=True)), _EPSILON)
-    y = y - np.add.reduce(x * y, -1, keepdims=True) * x
-    y = y / np.maximum(np.sqrt(np.add.reduce(y * y, -1, keepdims=True)), _EPSILON)
-    matrix = np.empty((*d.shape[:-1], 3, 3), d.dtype)
-    matrix[..., 0], matrix[..., 1] = x, y
-    matrix[..., 2] = _cross(x, y)
-    return matrix
+    numbers = np.ascontiguousarray(d.reshape(-1, 6).T)  # along the rotations sums are several times as fast
+    x, y = numbers[:3], numbers[3:]
+    x = x / np.maximum(np.sqrt(np.add.reduce(x * x)), _EPSILON)
+    y = y - np.add.reduce(x * y) * x
+    y = y / np.maximum(np.sqrt(np.add.reduce(y * y)), _EPSILON)
+    z = x.take(_AHEAD, 0) * y.take(_BEHIND, 0) - x.take(_BEHIND, 0) * y.take(_AHEAD, 0)
+    return np.array([x, y, z]).transpose(2, 1, 0).reshape(*d.shape[:-1], 3, 3)
 
 
 def to_6d(q: Array) -> Array:

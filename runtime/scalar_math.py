@@ -7,6 +7,7 @@ frame. Vectors are (x, y, z), quaternions (w, x, y, z). `runtime.rotations` and 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from math import atan2, cos, hypot, sin, sqrt
 
 from runtime.pose import FPS
@@ -47,6 +48,7 @@ def damp_vector(
     return moved, (fade * (vx - ax * rate), fade * (vy - ay * rate), fade * (vz - az * rate))
 
 
+@lru_cache(maxsize=256)
 def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
     """Return the fraction of a difference that is left after `dt` seconds, for a half-life in seconds."""
     return float(0.5 ** (dt / half_life))
@@ -55,6 +57,11 @@ def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
 def add(a: Vector, b: Vector) -> Vector:
     """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def add_scaled(a: Vector, b: Vector, s: float) -> Vector:
+    """Return a plus s times b."""
+    return a[0] + b[0] * s, a[1] + b[1] * s, a[2] + b[2] * s
 
 
 def subtract(a: Vector, b: Vector) -> Vector:
@@ -69,7 +76,7 @@ def scale(v: Vector, s: float) -> Vector:
 
 def perpendicular(v: Vector, axis: Vector) -> Vector:
     """Return v without its component along the unit vector `axis`."""
-    d = dot(v, axis)
+    d = v[0] * axis[0] + v[1] * axis[1] + v[2] * axis[2]
     return v[0] - d * axis[0], v[1] - d * axis[1], v[2] - d * axis[2]
 
 
@@ -90,7 +97,7 @@ def length(v: Vector) -> float:
 
 def unit(v: Vector) -> Vector:
     """Return v scaled to length one; a zero vector stays zero."""
-    s = 1.0 / max(length(v), 1e-8)
+    s = 1.0 / max(hypot(*v), 1e-8)
     return v[0] * s, v[1] * s, v[2] * s
 
 
@@ -108,7 +115,8 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 def relative(parent: Quaternion, world: Quaternion) -> Quaternion:
     """Return the rotation `world` relative to `parent`, normalised."""
-    w, x, y, z = multiply(inverse(parent), world)
+    w, x, y, z = parent
+    w, x, y, z = multiply((w, -x, -y, -z), world)
     s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
     return w * s, x * s, y * s, z * s
 
@@ -127,11 +135,11 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 
 def between(a: Vector, b: Vector) -> Quaternion:
     """Return the shortest rotation from unit vector a to unit vector b."""
-    w = 1.0 + dot(a, b)
-    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    (ax, ay, az), (bx, by, bz) = a, b
+    w, x, y, z = 1.0 + (ax * bx + ay * by + az * bz), ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     if w < 1e-6:  # opposite: half a turn about any perpendicular axis
         w = 0.0
-        x, y, z = (0.0, a[2], -a[1]) if abs(a[0]) < 0.9 else (-a[2], 0.0, a[0])
+        x, y, z = (0.0, az, -ay) if abs(ax) < 0.9 else (-az, 0.0, ax)
     s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
     return w * s, x * s, y * s, z * s
 
@@ -151,6 +159,6 @@ def to_vector(q: Quaternion) -> Vector:
 
 def from_vector(v: Vector) -> Quaternion:
     """Return the rotation for a rotation vector (axis times angle); inverse of `to_vector`."""
-    angle = length(v)
+    angle = hypot(*v)
     factor = sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
     return cos(0.5 * angle), v[0] * factor, v[1] * factor, v[2] * factor

@@ -56,7 +56,7 @@ class Skeleton:
             np.matmul(above, ordered[..., joints, :, :], out=world[..., joints, :, :])
         world = world[..., 0].take(places, -2)
         bones = rotations.rotate(world.take(self._parents, -2), self.offsets)
-        positions = np.asarray(root_position)[..., None, :] + self._above @ bones
+        positions = np.asarray(root_position)[..., None, :] + self._above[bones.dtype.char] @ bones
         return positions.astype(local.dtype, copy=False), world
 
     def oriented(self, root_position: Array, world: Array) -> tuple[Array, Array]:
@@ -65,7 +65,7 @@ class Skeleton:
         bones = (above @ self.offsets[:, :, None])[..., 0]
         local = above.swapaxes(-1, -2) @ world
         local[..., self._roots, :, :] = world[..., self._roots, :, :]
-        return local, np.asarray(root_position)[..., None, :] + self._above @ bones
+        return local, np.asarray(root_position)[..., None, :] + self._above[bones.dtype.char] @ bones
 
     @cached_property
     def _parents(self) -> NDArray[np.int64]:
@@ -78,14 +78,17 @@ class Skeleton:
         return np.flatnonzero(np.array(self.parents) < 0)
 
     @cached_property
-    def _above(self) -> Array:
-        """`(J, J)`: one where the second joint lies on the way from the root to the first, both but the root included."""
-        above = np.zeros((len(self), len(self)), self.offsets.dtype)
+    def _above(self) -> dict[str, Array]:
+        """`(J, J)`: one where the second joint lies on the way from the root to the first, both but the root included.
+
+        Of both types, as a product of two types takes several times as long.
+        """
+        above = np.zeros((len(self), len(self)), np.float32)
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
                 above[joint] = above[parent]
                 above[joint, joint] = 1.0
-        return above
+        return {"f": above, "d": above.astype(np.float64)}
 
     @cached_property
     def _by_depth(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[slice, NDArray[np.int64]]]]:

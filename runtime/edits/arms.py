@@ -33,6 +33,7 @@ from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
+    add_scaled,
     between,
     cross,
     dot,
@@ -136,13 +137,8 @@ class ArmEdit:
     @property
     def active(self) -> bool:
         """Whether the edit currently changes the arm."""
-        angles = abs(self.more_bend) > MIN_SEEN or abs(self.more_out) > MIN_SEEN
-        return (
-            angles
-            or abs(self.more_swing) > MIN_SEEN
-            or abs(self.in_step) > MIN_ADDED
-            or self._placed > MIN_ADDED
-        )
+        most = max(abs(self.more_bend), abs(self.more_out), abs(self.more_swing))
+        return most > MIN_SEEN or max(abs(self.in_step), self._placed) > MIN_ADDED
 
     @property
     def _placed(self) -> float:
@@ -228,12 +224,12 @@ class ArmEdit:
             at = arm.shoulder if frame == 0 else axes.at
             away = subtract(add(at, rotate(axes.turned, (arm.sign * x, y, z))), arm.wrist)
             share = weight / total * max(1.0 - near / max(length(away), MIN_SIZE), 0.0)
-            moved = add(moved, scale(away, share))
+            moved = add_scaled(moved, away, share)
             # an elbow points by the trunk, and by the way that the body faces where the hand does
             points = body.axes[0 if frame == 0 else 2].turned
-            pole = add(pole, scale(rotate(points, (arm.sign * px, py, pz)), weight))
+            pole = add_scaled(pole, rotate(points, (arm.sign * px, py, pz)), weight)
         wrist = add(arm.wrist, moved)
-        wrist = add(wrist, scale(_out_of_trunk(wrist, arm.sign, body), placed))
+        wrist = add_scaled(wrist, _out_of_trunk(wrist, arm.sign, body), placed)
         return _laid(_reached(arm, wrist, pole, placed, smoothstep(length(moved) / FAR_HAND_M)), body, placed)
 
 
@@ -255,19 +251,17 @@ def _flexion(arm: ArmPose) -> float:
 
 def _turned(arm: ArmPose, turn: Quaternion) -> ArmPose:
     """The whole arm turned about its shoulder."""
-    elbow, wrist = (
-        add(arm.shoulder, rotate(turn, subtract(p, arm.shoulder))) for p in (arm.elbow, arm.wrist)
-    )
-    return arm._replace(
-        upper=multiply(turn, arm.upper), lower=multiply(turn, arm.lower), elbow=elbow, wrist=wrist
-    )
+    at = arm.shoulder
+    elbow, wrist = (add(at, rotate(turn, subtract(p, at))) for p in (arm.elbow, arm.wrist))
+    turned = multiply(turn, arm.upper), multiply(turn, arm.lower)
+    return ArmPose(arm.sign, arm.collar, *turned, arm.hand, at, elbow, wrist)
 
 
 def _hinge(arm: ArmPose) -> Vector:
     """The axis about which the elbow bends: the way that it bends, and of a straight arm its own."""
     upper, lower = unit(subtract(arm.elbow, arm.shoulder)), unit(subtract(arm.wrist, arm.elbow))
     own = rotate(arm.upper, (0.0, -arm.sign, 0.0))
-    return unit(add(cross(upper, lower), scale(own, OWN_HINGE_WEIGHT)))
+    return unit(add_scaled(cross(upper, lower), own, OWN_HINGE_WEIGHT))
 
 
 def _bent(arm: ArmPose, more: float) -> ArmPose:
@@ -287,13 +281,13 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
     swing = between(before, axis)
     own = rotate(swing, perpendicular(subtract(arm.elbow, arm.shoulder), before))
     wanted = unit(perpendicular(pole, axis))
-    own = unit(add(own, scale(wanted, POLE_WEIGHT)))  # a straight arm bends as the place has it
+    own = unit(add_scaled(own, wanted, POLE_WEIGHT))  # a straight arm bends as the place has it
     angle = atan2(dot(cross(own, wanted), axis), dot(own, wanted))
     turns = placed * max(far, smoothstep((abs(angle) - TURNED) / TURNS))
     bend = rotate(from_vector(scale(axis, turns * angle)), own)
     c = limited((a * a + reach * reach - b * b) / (2.0 * a * reach), 1.0)
-    elbow = add(arm.shoulder, add(scale(axis, a * c), scale(bend, a * sqrt(1.0 - c * c))))
-    wrist = add(arm.shoulder, scale(axis, reach))
+    elbow = add(arm.shoulder, add_scaled(scale(axis, a * c), bend, a * sqrt(1.0 - c * c)))
+    wrist = add_scaled(arm.shoulder, axis, reach)
     along = unit(subtract(elbow, arm.shoulder))
     upper = multiply(between(unit(subtract(arm.elbow, arm.shoulder)), along), arm.upper)
     upper = multiply(_twist(arm, upper, elbow, wrist, placed * far), upper)
@@ -349,7 +343,7 @@ def _out_of_trunk(wrist: Vector, sign: float, body: Body) -> Vector:
     if deep < MIN_TRUNK_RADIUS:
         x, deep = sign * MIN_TRUNK_RADIUS * TRUNK_HALF_WIDTH_M, MIN_TRUNK_RADIUS
     out = level * (1.0 / deep - 1.0)
-    return add(scale(trunk.side, out * x), scale(trunk.ahead, out * z))
+    return add_scaled(scale(trunk.side, out * x), trunk.ahead, out * z)
 
 
 def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
@@ -366,9 +360,8 @@ def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
     )
     near = smoothstep((TOUCHING[1] - trunk.radii) / (TOUCHING[1] - TOUCHING[0]))
     out = unit(
-        add(
-            scale(trunk.side, trunk.x / TRUNK_HALF_WIDTH_M**2),
-            scale(trunk.ahead, trunk.z / TRUNK_HALF_DEPTH_M**2),
+        add_scaled(
+            scale(trunk.side, trunk.x / TRUNK_HALF_WIDTH_M**2), trunk.ahead, trunk.z / TRUNK_HALF_DEPTH_M**2
         )
     )
     # behind the back it is the back of a hand that lies there
@@ -383,7 +376,7 @@ def _laid(arm: ArmPose, body: Body, placed: float) -> ArmPose:
     if weight <= 0.0:
         return arm
     along = rotate(arm.lower, (arm.sign, 0.0, 0.0))
-    fingers = unit(perpendicular(add(along, scale(ahead, 0.5)), out))
+    fingers = unit(perpendicular(add_scaled(along, ahead, 0.5), out))
     goal = multiply(between(along, fingers), arm.lower)
     palm = rotate(goal, (0.0, -1.0, 0.0))
     angle = atan2(-dot(cross(palm, out), fingers), -dot(palm, out))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import atan2, copysign, cos, degrees, pi, radians, sin
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +74,7 @@ _COLLARS = _AT("LeftShoulder"), _AT("RightShoulder")
 _ARMS = _AT("LeftArm"), _AT("RightArm")
 _JOINTS = (0, *_SPINE, _NECK)
 _MEASURED = ("lean", "aside", "twist", "sway", "bounce")
-_ADDED = (*(f"more_{name}" for name in TRUNK[:FOLD]), "shrug")
+_added = attrgetter(*(f"more_{name}" for name in TRUNK[:FOLD]), "shrug")
 _LOWER, _UPPER = ((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets[list(_SPINE[1:])])
 _UP: Vector = (0.0, 1.0, 0.0)
 _AHEAD: Vector = (0.0, 0.0, 1.0)
@@ -148,7 +149,7 @@ class TrunkEdit:
     @property
     def active(self) -> bool:
         """Whether the edit currently changes the trunk."""
-        return any(abs(getattr(self, name)) > MIN_SEEN for name in _ADDED)
+        return max(map(abs, _added(self))) > MIN_SEEN
 
     def _bound(self, fold: float) -> float:
         return max(fold, self.steady + STEADY_LEAN_MARGIN_DEGREES)

@@ -114,16 +114,18 @@ def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
     return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
 
 
-def carrying_rise(legs: Sequence[LegPose], spans: Sequence[float], bears: Sequence[float]) -> float:
+def carrying_rise(
+    legs: Sequence[tuple[Vector, Vector]], spans: Sequence[float], bears: Sequence[float]
+) -> float:
     """Return how far (metres) the hips rise so that nearly straight legs with weight on them get the lengths `spans`.
 
-    `bears` is the contact probability of each foot.
+    `legs` are where each begins and its ankle, `bears` is the contact probability of each foot.
     """
     total = rise = 0.0
-    for leg, reach, weight, bones in zip(legs, spans, bears, LEGS, strict=True):
+    for (hip, ankle), reach, weight, bones in zip(legs, spans, bears, LEGS, strict=True):
         straight = smoothstep((reach / bones.length - BENT_LEG_FRACTION) / (1.0 - BENT_LEG_FRACTION))
         carries = UNLOADED_FOOT_WEIGHT + straight * weight
-        rise += carries * rise_for(leg.hip, leg.ankle, reach)
+        rise += carries * rise_for(hip, ankle, reach)
         total += carries
     return rise / total
 
@@ -138,14 +140,14 @@ class Support(NamedTuple):
 
     airborne: bool = False  # it is thrown, no leg carries it
     patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
-    # where they are to stand, if not where the incoming pose has them
+    # of the incoming pose, where they are known, and where they are to stand, if not there
+    incoming: tuple[LegPose, LegPose] | None = None
     legs: tuple[LegPose, LegPose] | None = None
     over: SteppedOver | None = None  # what the gait itself steps over
     walks: bool = False  # one foot at least is on the ground
 
 
-@dataclass(frozen=True)
-class FootLockResult:
+class FootLockResult(NamedTuple):
     """The pose with planted feet: `hips_position` (3,), `local_rotations` (31, 4)."""
 
     hips_position: Array
@@ -189,7 +191,7 @@ class FootLock:
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
         ground = PointHeights(terrain, y - SETTINGS.ground_under_hips, y + SETTINGS.ground_over_hips)
-        left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
+        left, right = support.incoming or (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
         legs, shown = support.legs or incoming, local_rotations
         if may_be_narrow(ground):

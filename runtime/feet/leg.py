@@ -19,6 +19,7 @@ from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
+    add_scaled,
     between,
     decay,
     dot,
@@ -57,6 +58,11 @@ class LegPose(NamedTuple):
     ankle: Vector
     toe: Vector
 
+    def moved(self, by: Vector, stands: bool = False) -> LegPose:
+        """Return the leg under hips that have moved by `by` (metres), over a foot that goes along or `stands`."""
+        ankle, toe = (self.ankle, self.toe) if stands else (add(self.ankle, by), add(self.toe, by))
+        return LegPose(*self[:4], add(self.hip, by), add(self.knee, by), ankle, toe)
+
     def raised(self, metres: float) -> Vector:
         """Return the hip position with the body raised."""
         return self.hip[0], self.hip[1] + metres, self.hip[2]
@@ -73,16 +79,21 @@ def leg_bones(side: int, skeleton: Skeleton = SPORT_SKELETON) -> LegBones:
 
 def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPose:
     """Return the world pose of a leg by forward kinematics; `local` are the pose's 31 local rotations."""
-    j, o = bones.joints, bones.offsets
-    root = local[0]
-    base = multiply(root, local[j[0]])
-    thigh = multiply(base, local[j[1]])
-    shin = multiply(thigh, local[j[2]])
-    foot = multiply(shin, local[j[3]])
-    hip = add(add(hips, rotate(root, o[0])), rotate(base, o[1]))
-    knee = add(hip, rotate(thigh, o[2]))
-    ankle = add(knee, rotate(shin, o[3]))
-    return LegPose(base, thigh, shin, foot, hip, knee, ankle, add(ankle, rotate(foot, o[4])))
+    j0, j1, j2, j3, _ = bones.joints
+    _, _, upper, lower, sole = bones.offsets
+    base, hip = leg_base(bones, hips, local[0], local[j0])
+    thigh = multiply(base, local[j1])
+    shin = multiply(thigh, local[j2])
+    foot = multiply(shin, local[j3])
+    knee = add(hip, rotate(thigh, upper))
+    ankle = add(knee, rotate(shin, lower))
+    return LegPose(base, thigh, shin, foot, hip, knee, ankle, add(ankle, rotate(foot, sole)))
+
+
+def leg_base(bones: LegBones, hips: Vector, root: Quaternion, joint: Quaternion) -> tuple[Quaternion, Vector]:
+    """Return the world rotation of a leg's hip joint, which lies in the hips, and where its thigh begins."""
+    base = multiply(root, joint)
+    return base, add(hips, rotate(base, bones.offsets[1]))
 
 
 def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
@@ -98,7 +109,7 @@ def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
     if up <= 0.0:
         return leg
     turn = from_vector(scale(rotate(leg.foot, (-1.0, 0.0, 0.0)), fraction * up))
-    return leg._replace(foot=multiply(turn, leg.foot), toe=add(leg.ankle, rotate(turn, sole)))
+    return LegPose(*leg[:3], multiply(turn, leg.foot), *leg[4:7], add(leg.ankle, rotate(turn, sole)))
 
 
 def leg_inverse(
@@ -108,26 +119,24 @@ def leg_inverse(
 
     `foot` is the foot's new world rotation. See `runtime.feet.ik.two_bone`.
     """
-    upper = subtract(leg.knee, leg.hip)
-    lower = subtract(leg.ankle, leg.knee)
-    hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+    base, thigh, shin, _, hip, knee, ankle, _ = leg
+    upper, lower, now = subtract(knee, hip), subtract(ankle, knee), subtract(ankle, hip)
+    axis, to_target = unit(now), (target[0] - hip[0], target[1] - (hip[1] - drop), target[2] - hip[2])
     # far from the origin a float no longer tells hip from knee: a bone without length must not divide
     a, b = max(length(upper), MIN_SIZE), max(length(lower), MIN_SIZE)
-    axis = unit(subtract(leg.ankle, leg.hip))
-    to_target = subtract(target, hip)
     wanted = length(to_target)
     aim = unit(to_target) if wanted > MIN_SIZE else axis
-    d = max(soft_reach(wanted, a + b, dist(leg.ankle, leg.hip)), abs(a - b) + MIN_OPENING_M)
+    d = max(soft_reach(wanted, a + b, length(now)), abs(a - b) + MIN_OPENING_M)
     swing = between(axis, aim)
-    bend = rotate(swing, _bend(axis, upper, rotate(leg.thigh, (0.0, 0.0, 1.0))))
+    bend = rotate(swing, _bend(axis, upper, rotate(thigh, (0.0, 0.0, 1.0))))
     c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
     s = sqrt(1.0 - c * c)
-    thigh_to = add(scale(aim, c), scale(bend, s))
-    shin_to = unit(subtract(scale(aim, d), scale(thigh_to, a)))
+    thigh_to = add_scaled(scale(aim, c), bend, s)
+    shin_to = unit(add_scaled(scale(aim, d), thigh_to, -a))
     thigh_turn = multiply(between(rotate(swing, unit(upper)), thigh_to), swing)
     shin_turn = multiply(between(rotate(swing, unit(lower)), shin_to), swing)
-    thigh, shin = multiply(thigh_turn, leg.thigh), multiply(shin_turn, leg.shin)
-    return relative(leg.base, thigh), relative(thigh, shin), relative(shin, foot)
+    thigh, shin = multiply(thigh_turn, thigh), multiply(shin_turn, shin)
+    return relative(base, thigh), relative(thigh, shin), relative(shin, foot)
 
 
 def turned_out(leg: LegPose, side: int, radians_out: float) -> LegPose:
@@ -150,8 +159,8 @@ def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
     """Return the direction from toe to ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
     cosine = min(max(cosine, -1.0), 1.0)
     up = scale(to_hip, 1.0 / length(to_hip))
-    side = unit(subtract(along, scale(up, dot(along, up))))
-    return add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+    side = unit(perpendicular(along, up))
+    return add_scaled(scale(up, cosine), side, sqrt(1.0 - cosine * cosine))
 
 
 def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
@@ -164,9 +173,9 @@ def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
 
 def _bend(axis: Vector, knee: Vector, pole: Vector) -> Vector:
     forward = unit(perpendicular(pole, axis))
-    bend = add(perpendicular(knee, axis), scale(forward, POLE_WEIGHT_M))
+    bend = add_scaled(perpendicular(knee, axis), forward, POLE_WEIGHT_M)
     lack = 0.5 * POLE_WEIGHT_M - dot(bend, forward)
-    return unit(add(bend, scale(forward, lack)) if lack > 0.0 else bend)
+    return unit(add_scaled(bend, forward, lack) if lack > 0.0 else bend)
 
 
 # rad/s2, of the flexion; 6 degrees a frame squared are seen as a snap, captures stay below
@@ -239,12 +248,13 @@ def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights,
     where they point straight down.
     """
     world = multiply(foot, toe)
-    ahead, up = rotate(world, (0.0, 0.0, 1.0)), rotate(world, (0.0, 1.0, 0.0))
-    tip = add(joint, scale(ahead, TOE_LENGTH))
+    ahead = rotate(world, (0.0, 0.0, 1.0))
+    tip = add_scaled(joint, ahead, TOE_LENGTH)
     rise = min(ground.height(tip[0], tip[2]) + TOE_HEIGHT - sink - joint[1], HIGHEST_TIP_M) / TOE_LENGTH
     if ahead[1] >= rise:
         return toe
     # after a bend b the tip is raised by ahead_y cos b + up_y sin b
+    up = rotate(world, (0.0, 1.0, 0.0))
     most = hypot(ahead[1], up[1])
     bend = atan2(up[1], ahead[1]) - acos(max(min(rise / max(most, MIN_SIZE), 1.0), -1.0))
     return multiply(toe, (cos(0.5 * bend), -sin(0.5 * bend), 0.0, 0.0))

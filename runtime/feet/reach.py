@@ -14,6 +14,7 @@ from runtime.scalar_math import (
     Quaternion,
     Vector,
     add,
+    add_scaled,
     between,
     dot,
     length,
@@ -72,11 +73,11 @@ def spanned_foot(
         rotation = multiply(between(along, turned), rotation)
     elif abs(cosine) > 1.0:
         to_target = subtract(target, hip)
-        ankle = add(hip, scale(to_target, reach / max(length(to_target), MIN_SIZE)))
+        ankle = add_scaled(hip, to_target, reach / max(length(to_target), MIN_SIZE))
         toe = add(ankle, sole)
     else:
         turned = rolled(to_hip, along, cosine)
-        ankle = add(toe, scale(turned, bones.foot_length))
+        ankle = add_scaled(toe, turned, bones.foot_length)
         rotation = multiply(between(along, turned), rotation)
     return SpannedFoot(toe, ankle, rotation, max(0.0, depth_in_ground(toe, ankle, ground)))
 
@@ -90,14 +91,14 @@ def _rolled_a_little(
     ankle is from the toe, and where its sole faces: on tiptoe under the hip it rolls back onto its sole.
     """
     to_hip, (along, sole_down) = subtract(hip, toe), foot
-    back = add(along, scale(sole_down, SOLE_FIRST_FRACTION))
+    back = add_scaled(along, sole_down, SOLE_FIRST_FRACTION)
     turned = rolled(to_hip, back, roll_cosine(to_hip, bones.foot_length, reach))
     if dot(along, turned) < cos(MOST_ROLL_RAD):
         aside = unit(perpendicular(turned, along))
-        turned = add(scale(along, cos(MOST_ROLL_RAD)), scale(aside, sin(MOST_ROLL_RAD)))
-    from_hip = subtract(add(toe, scale(turned, bones.foot_length)), hip)
-    ankle = add(hip, scale(from_hip, reach / max(length(from_hip), 1e-6)))
-    return subtract(ankle, scale(turned, bones.foot_length)), ankle, turned
+        turned = add_scaled(scale(along, cos(MOST_ROLL_RAD)), aside, sin(MOST_ROLL_RAD))
+    from_hip = subtract(add_scaled(toe, turned, bones.foot_length), hip)
+    ankle = add_scaled(hip, from_hip, reach / max(length(from_hip), 1e-6))
+    return add_scaled(ankle, turned, -bones.foot_length), ankle, turned
 
 
 def ankle_target(
@@ -110,7 +111,7 @@ def ankle_target(
         wanted = length(to_target)
         if wanted <= (MAX_REACH - EASE_REACH_FRACTION) * bones.length:
             break
-        reached = add(hip, scale(to_target, soft_reach(wanted, bones.length, span(leg)) / wanted))
+        reached = add_scaled(hip, to_target, soft_reach(wanted, bones.length, span(leg)) / wanted)
         toe = add(reached, rotate(rotation, bones.offsets[4]))
         missing = depth_in_ground(toe, reached, ground)
         if missing <= 0.0:

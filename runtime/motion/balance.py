@@ -8,12 +8,15 @@ a horizontal force over the body's weight and not a distance, so that a flight c
 What the hips, trunk and arms of a network shake beside that has no phase. A filter of critical damping (alpha and beta of
 fading memory: E. Brookner, Tracking and Kalman Filtering Made Easy, 1998, section 1.2.6) follows the centre of mass at an
 even speed, and the hips take up what it is away from there.
+
+In the plane a vector is a complex number, X + iZ. Over a path's direction it has its components along and across the path.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from math import atan2, cos, pi, sin, sqrt
 from typing import NamedTuple
 
@@ -76,34 +79,28 @@ MAX_SMOOTHING_M = 0.05  # of the hips
 MAX_TRACKING_ERROR_M = 0.3  # of the filter: farther away, a body was put elsewhere
 FADE_HALF_LIFE_S = 0.25  # in which the correction comes into force and goes
 MIN_IN_FORCE_FRACTION = 1e-4  # of it: less is none
-UNREACHED_M = 1e3  # to a line on which nothing bears
 MIN_SQUARE = 1e-6  # m2 of the ankles' distance, m2/s2 of its speed
 
 _AT = SPORT_SKELETON.index
-_FOOT_POINTS = [_AT(name) for name in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")]
-# lines between foot points on which a body may stand: two of one foot each, four across both
-_STARTS, _ENDS = np.array([0, 2, 0, 0, 1, 1]), np.array([1, 3, 2, 3, 2, 3])
-_LEFT_BEARS, _RIGHT_BEARS = np.array([1, 0, 1, 1, 1, 1]) > 0, np.array([0, 1, 1, 1, 1, 1]) > 0
+# X and Z of ankle and toe, the left foot's first
+_FOOT_POINTS = [
+    3 * _AT(name) + k for name in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase") for k in (0, 2)
+]
+# lines between foot points on which a body may stand, by whether the left and the right foot bear
+_LINES = {(True, False): ((0, 1),), (False, True): ((2, 3),), (True, True): tuple(combinations(range(4), 2))}
 _MIDDLE = WINDOW_FRAMES // 2
 _CUBIC = np.linalg.pinv(np.vander((np.arange(WINDOW_FRAMES) - _MIDDLE) * DT, 4, increasing=True))
-_PLACE, _ACCELERATION = _CUBIC[0], 2.0 * _CUBIC[2]
+_FIT = np.stack([_CUBIC[0], 2.0 * _CUBIC[2]])  # of the window's middle: place and acceleration
 # what the window has of each frame: centre of mass, foot points, which feet stand, planned velocity, phase of the
 # stride, and whether the frame is learnt from
-_MASS, _POINTS, _STANDS, _VELOCITY, _PHASE, _LEARNS = (
-    slice(3),
-    slice(3, 11),
-    slice(11, 13),
-    slice(13, 15),
-    15,
-    16,
-)
-_COLUMNS = 17
+_MASS, _POINTS, _STANDS, _VELOCITY = slice(3), slice(3, 11), slice(11, 13), slice(13, 15)
+_PHASE, _LEARNS, _COLUMNS = 15, 16, 17
 _TERMS = 1 + 2 * HARMONICS
 _ORDERS = (np.arange(_TERMS) + 1) // 2  # the harmonic of each term
 _USUAL = np.array([[USUAL_ERRORS_M.get(term, 0.0), 0.0] for term in range(_TERMS)])
 _KEEPS = decay(LEARNING_HALF_LIFE_S)
 _MEMORY = np.exp(-2.0 * np.pi * SMOOTHING_FREQUENCIES_HZ * DT)
-_PLACE_GAINS, _SPEED_GAINS = 1.0 - _MEMORY**2, (1.0 - _MEMORY) ** 2 / DT
+_PLACE_GAINS, _SPEED_GAINS = (1.0 - _MEMORY**2).tolist(), ((1.0 - _MEMORY) ** 2 / DT).tolist()
 _FOLLOWS, _SMOOTHS = 1.0 - decay(DISTANCE_HALF_LIFE_S), 1.0 - decay(SPEED_HALF_LIFE_S)
 
 
@@ -174,62 +171,69 @@ class StrideBalance:
         whether the left and right foot stood, `velocity` `(N, 2)` the planned one (m/s), `steady` which characters walk
         steadily, and `composed` how far their walk is from any captured one: only composed walks are smoothed.
         """
-        path = _direction(velocity)
+        velocities = velocity.view(complex)[:, 0].tolist()
+        paths = [_direction(each) for each in velocities]
         joints = positions.astype(np.float64)
-        points = joints[:, _FOOT_POINTS][..., [0, 2]]
-        self._follow_phase(((points[:, 0] - points[:, 2]) * path).sum(-1))
-        mass = JOINT_MASSES @ joints
-        mass[:, 1] -= ground
-        place = mass[:, [0, 2]] - MASS_SHIFT * self.shift
-        mass[:, [0, 2]] = place + MASS_SHIFT * self.smoothing
-        smoothing = self._follow_mass(place, velocity, path)
-        flags = (
-            np.array(stands, np.float64),
-            velocity,
-            self.phase[:, None],
-            np.array(steady, np.float64)[:, None],
-        )
-        row = np.concatenate([mass, points.reshape(-1, 8), *flags], -1)
+        masses, feet = JOINT_MASSES @ joints, joints.reshape(len(joints), -1).take(_FOOT_POINTS, 1)
+        self._follow_phase(feet.view(complex).tolist(), paths)
+        masses[:, 1] -= ground
+        places = masses[:, ::2] - MASS_SHIFT * self.shift
+        masses[:, ::2] = places + MASS_SHIFT * self.smoothing
+        smoothing = self._follow_mass(places.view(complex)[:, 0].tolist(), velocities, paths)
+        row = np.concatenate([masses, feet, stands, velocity, self.phase[:, None], np.array([steady]).T], -1)
         self.window = np.concatenate([self.window[:, 1:], row[:, None]], 1)
         if any(steady):
             self._learn()
         self._fade(steady)
-        if not np.count_nonzero(self.fraction):
+        in_force = self.fraction.tolist()
+        if not any(in_force):
             self.shift = self.smoothing = np.zeros_like(velocity)
             return self.shift
-        terms = _terms(self.phase) / self._pendulum(mass[:, 1])
-        balancing = _limited(self._missing(terms, velocity) / MASS_SHIFT, MAX_SHIFT_M)
-        self.smoothing = (self.fraction * composed)[:, None] * smoothing
-        self.shift = self.fraction[:, None] * _from_path(balancing, path) + self.smoothing
+        smoothing = [f * c * each for f, c, each in zip(in_force, composed, smoothing, strict=True)]
+        k = np.maximum(masses[:, 1], LEAST_HEIGHT_M)[:, None] / GRAVITY_M_PER_S2
+        terms = _terms(self.phase.tolist()) / (1.0 + k * (_ORDERS * self.frequency[:, None]) ** 2)
+        missing = [_limited(each / MASS_SHIFT, MAX_SHIFT_M) for each in self._missing(terms, velocities)]
+        parts = zip(in_force, missing, paths, smoothing, strict=True)
+        self.smoothing, self.shift = _pairs(smoothing), _pairs([f * (m * p) + s for f, m, p, s in parts])
         return self.shift
 
-    def _follow_mass(self, place: Array, velocity: Array, path: Array) -> Array:
-        """Follow the centre of mass `(N, 2)`; return by how far the hips are moved for it to move evenly."""
-        speed = (
-            self.mass_velocity + velocity - self.window[:, -1, _VELOCITY]
-        )  # a change of the plan is no shaking
-        expected = self.mass_place + DT * speed
-        away = place - expected
-        lost = (np.abs(away).max(-1) > MAX_TRACKING_ERROR_M) | ~path.any(-1)
-        away_along_across = _to_path(away, path)
-        followed = expected + _from_path(_PLACE_GAINS * away_along_across, path)
-        changed = speed + _from_path(_SPEED_GAINS * away_along_across, path)
-        self.mass_place = np.where(lost[:, None], place, followed)
-        self.mass_velocity = np.where(lost[:, None], velocity, changed)
-        return _limited((self.mass_place - place) / MASS_SHIFT, MAX_SMOOTHING_M)
+    def _follow_mass(
+        self, places: Sequence[complex], velocities: Sequence[complex], paths: Sequence[complex]
+    ) -> list[complex]:
+        """Follow the centres of mass; return by how far the hips are moved for them to move evenly."""
+        followed, moved = [], []
+        states = (self.mass_place, self.mass_velocity, self.window[:, -1, _VELOCITY])
+        known = (each.view(complex)[:, 0].tolist() for each in states)
+        for place, velocity, path, at, going, planned in zip(places, velocities, paths, *known, strict=True):
+            speed = going + velocity - planned  # a change of the plan is no shaking
+            expected = at + DT * speed
+            away = place - expected
+            if max(abs(away.real), abs(away.imag)) > MAX_TRACKING_ERROR_M or not path:
+                followed.append(place)
+                moved.append(velocity)
+                continue
+            away *= path.conjugate()  # along and across the path
+            (along, across), (faster, aside) = _PLACE_GAINS, _SPEED_GAINS
+            followed.append(expected + complex(along * away.real, across * away.imag) * path)
+            moved.append(speed + complex(faster * away.real, aside * away.imag) * path)
+        self.mass_place, self.mass_velocity = _pairs(followed), _pairs(moved)
+        away_by = (b - a for a, b in zip(places, followed, strict=True))
+        return [_limited(each / MASS_SHIFT, MAX_SMOOTHING_M) for each in away_by]
 
-    def _follow_phase(self, apart: Array) -> None:
-        """Follow the phase of the stride by how far `apart` `(N,)` the ankles are along the path."""
+    def _follow_phase(self, feet: Sequence[Sequence[complex]], paths: Sequence[complex]) -> None:
+        """Follow the phase of the stride by how far the ankles are apart along the path."""
         least, most = FREQUENCY_RANGE_RAD_PER_S
         made = []
-        for now, (mean, last, speed), (square, speed_square), phase, frequency in zip(
-            apart.tolist(),
+        for points, path, (mean, last, speed), (square, speed_square), phase, frequency in zip(
+            feet,
+            paths,
             self.distance.tolist(),
             self.mean_squares.tolist(),
             self.phase.tolist(),
             self.frequency.tolist(),
             strict=True,
         ):
+            now = ((points[0] - points[2]) * path.conjugate()).real
             mean += _FOLLOWS * (now - mean)
             speed += _SMOOTHS * ((now - last) * FPS - speed)
             square += _FOLLOWS * ((now - mean) ** 2 - square)
@@ -250,46 +254,27 @@ class StrideBalance:
         """Fit the harmonics to the error of the window's middle too: recursive least squares that forget."""
         middle = self.window[:, _MIDDLE]
         known = self.window[..., _LEARNS].min(-1)[:, None]
-        terms = _terms(middle[:, _PHASE])
-        velocity = middle[:, _VELOCITY]
-        missing = _to_path(self._error(), _direction(velocity)) - self._missing(terms, velocity)
+        terms = _terms(middle[:, _PHASE].tolist())
+        velocities = middle[:, _VELOCITY].view(complex)[:, 0].tolist()
+        fitted = (_FIT @ self.window[..., _MASS]).tolist()
+        points, stands = middle[:, _POINTS].view(complex).tolist(), middle[:, _STANDS].tolist()
+        errors = zip(
+            map(_error, fitted, points, stands), velocities, self._missing(terms, velocities), strict=True
+        )
+        missing = _pairs([error * _direction(v).conjugate() - known for error, v, known in errors])
         spread = (self.covariance @ terms[..., None])[..., 0]
-        gain = known * spread / (_KEEPS + (terms * spread).sum(-1, keepdims=True))
+        gain = known * spread / (_KEEPS + np.add.reduce(terms * spread, -1, keepdims=True))
         self.errors = self.errors + gain[..., None] * missing[:, None]
         covariance = self.covariance - gain[..., None] * spread[:, None]
-        known_well: Flags = np.trace(covariance, axis1=1, axis2=2) < _KEEPS * _TERMS * PRIOR_VARIANCE
+        known_well: Flags = covariance.trace(0, 1, 2) < _KEEPS * _TERMS * PRIOR_VARIANCE
         forgets = known[:, 0] * known_well
         self.covariance = covariance * (1.0 + forgets * (1.0 / _KEEPS - 1.0))[:, None, None]
 
-    def _missing(self, terms: Array, velocity: Array) -> Array:
-        """Return the metres `(N, 2)` along and across the path that terms `(N, 9)` make of what is usual and what is learnt."""
-        squares = np.minimum((velocity * velocity).sum(-1), MAX_USUAL_SPEED_M_PER_S**2)
-        return (terms[:, None] @ (self.errors + squares[:, None, None] * _USUAL))[:, 0]
-
-    def _error(self) -> Array:
-        """Return what the zero moment point lacks to the standing feet, `(N, 2)` metres, times the force on them over the weight."""
-        mass, middle = self.window[..., _MASS], self.window[:, _MIDDLE]
-        place, acceleration = _PLACE @ mass, _ACCELERATION @ mass
-        weight = np.maximum(1.0 + acceleration[:, 1:2] / GRAVITY_M_PER_S2, LEAST_WEIGHT_FRACTION)
-        pushed = place[:, 1:2] / GRAVITY_M_PER_S2 * acceleration[:, [0, 2]]
-        zero_moment = place[:, [0, 2]] - pushed / weight
-        points = middle[:, _POINTS].reshape(-1, 4, 2)
-        stands: Flags = middle[:, _STANDS] > 0.5
-        bears = (stands[:, :1] | ~_LEFT_BEARS) & (stands[:, 1:] | ~_RIGHT_BEARS)
-        start = points[:, _STARTS]
-        line, there = points[:, _ENDS] - start, zero_moment[:, None] - start
-        part = (there * line).sum(-1) / np.maximum((line * line).sum(-1), MIN_DIVISOR)
-        lacks = np.minimum(np.maximum(part, 0.0), 1.0)[..., None] * line - there
-        distance = np.sqrt((lacks * lacks).sum(-1)) + np.where(bears, 0.0, UNREACHED_M)
-        nearest = np.arange(len(lacks)), distance.argmin(-1)
-        outside = np.maximum(1.0 - MARGIN_M / np.maximum(distance[nearest], MIN_DIVISOR), 0.0)
-        error = np.where(stands[:, :1] | stands[:, 1:], (outside[:, None] * weight) * lacks[nearest], pushed)
-        return np.minimum(np.maximum(error, -MAX_ERROR_M), MAX_ERROR_M)
-
-    def _pendulum(self, height: Array) -> Array:
-        """Return `(N, 9)` by what each term of an error is divided."""
-        k = np.maximum(height, LEAST_HEIGHT_M)[:, None] / GRAVITY_M_PER_S2
-        return 1.0 + k * (_ORDERS * self.frequency[:, None]) ** 2
+    def _missing(self, terms: Array, velocities: Sequence[complex]) -> list[complex]:
+        """Return the metres along and across the path that terms `(N, 9)` make of what is usual and what is learnt."""
+        squares = np.array([min(abs(each), MAX_USUAL_SPEED_M_PER_S) ** 2 for each in velocities])
+        made = terms[:, None] @ (self.errors + squares[:, None, None] * _USUAL)
+        return made.view(complex)[:, 0, 0].tolist()
 
     def _fade(self, steady: Sequence[bool]) -> None:
         """Bring the correction into force for who is `steady`, and out of it for all others."""
@@ -299,28 +284,44 @@ class StrideBalance:
         self.fraction, self.fraction_speed = np.array(kept).T
 
 
-def _terms(phase: Array) -> Array:
-    """Return 1, then cosine and sine of every harmonic of phases `(N,)`: `(N, 9)`."""
+def _error(fitted: Sequence[Sequence[float]], points: Sequence[complex], stands: Sequence[float]) -> complex:
+    """Return what the zero moment point lacks to the standing feet, metres, times the force on them over the weight."""
+    place, acceleration = fitted
+    weight = max(1.0 + acceleration[1] / GRAVITY_M_PER_S2, LEAST_WEIGHT_FRACTION)
+    error = place[1] / GRAVITY_M_PER_S2 * complex(acceleration[0], acceleration[2])
+    if any(stands):
+        zero_moment = complex(place[0], place[2]) - error / weight
+        lines = _LINES[stands[0] > 0.5, stands[1] > 0.5]
+        lacks = min((_to_line(zero_moment, points[start], points[end]) for start, end in lines), key=abs)
+        error = max(1.0 - MARGIN_M / max(abs(lacks), MIN_DIVISOR), 0.0) * weight * lacks
+    x, z = (min(max(each, -MAX_ERROR_M), MAX_ERROR_M) for each in (error.real, error.imag))
+    return complex(x, z)
+
+
+def _to_line(point: complex, start: complex, end: complex) -> complex:
+    """Return the way from a point to the nearest one on a line between two others."""
+    line, there = end - start, point - start
+    part = (there * line.conjugate()).real / max((line * line.conjugate()).real, MIN_DIVISOR)
+    return min(max(part, 0.0), 1.0) * line - there
+
+
+def _terms(phases: Sequence[float]) -> Array:
+    """Return 1, then cosine and sine of every harmonic of N phases: `(N, 9)`."""
     orders = range(1, HARMONICS + 1)
-    return np.array([[1.0, *(f(k * p) for k in orders for f in (cos, sin))] for p in phase.tolist()])
+    return np.array([[1.0, *(f(k * p) for k in orders for f in (cos, sin))] for p in phases])
 
 
-def _direction(velocity: Array) -> Array:
-    """Return velocities `(N, 2)` over their speed; 0 of one that is 0."""
-    return velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), MIN_SIZE)
+def _direction(velocity: complex) -> complex:
+    """Return a velocity over its speed; 0 of one that is 0."""
+    return velocity / max(abs(velocity), MIN_SIZE)
 
 
-def _limited(values: Array, most: float) -> Array:
-    """Return values that are `most` at most, nearly as they were where they are small."""
-    return values / np.sqrt(1.0 + (values / most) ** 2)
+def _limited(value: complex, most: float) -> complex:
+    """Return a value either part of which is `most` at most, nearly as it was where it is small."""
+    x, z = (each / sqrt(1.0 + (each / most) ** 2) for each in (value.real, value.imag))
+    return complex(x, z)
 
 
-def _to_path(vectors: Array, path: Array) -> Array:
-    """Return vectors `(N, 2)` in X and Z as their components along and across a path's direction `(N, 2)`."""
-    x, z = path[:, 0], path[:, 1]
-    return np.stack([x * vectors[:, 0] + z * vectors[:, 1], x * vectors[:, 1] - z * vectors[:, 0]], -1)
-
-
-def _from_path(parts: Array, path: Array) -> Array:
-    """Return the vectors of which `_to_path` makes `parts`."""
-    return _to_path(parts, path * np.array([1.0, -1.0]))
+def _pairs(values: Sequence[complex]) -> Array:
+    """Return the two parts `(N, 2)` of N complex numbers."""
+    return np.array(values).view(np.float64).reshape(-1, 2)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import radians
+from math import atan2, copysign, hypot, radians, sqrt
 
 import numpy as np
 
-from runtime import rotations
 from runtime.arrays import Array
+from runtime.scalar_math import Quaternion, from_vector, multiply, scale
 from runtime.skeleton import SPORT_SKELETON
 
 FOREARMS = [SPORT_SKELETON.index("LeftForeArm"), SPORT_SKELETON.index("RightForeArm")]
@@ -37,24 +37,31 @@ class Elbows:
 
     def apply(self, local: Array, free: Sequence[bool]) -> None:
         """Bend the elbows of local rotations `(N, 31, 4)` in place; who is not `free` holds on to something."""
-        w, x, y, z = np.moveaxis(local[:, FOREARMS], -1, 0)
-        # across the upper arm, in which its bone is +-X: where the forearm points
-        up, ahead = 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
-        sine = np.hypot(up, ahead)
-        flexion = np.arctan2(sine, 1.0 - 2.0 * (y * y + z * z))
-        behind = self.incoming - self.shown
-        step = np.sign(behind) * np.minimum(
-            np.abs(behind), np.sqrt(2.0 * BRAKING_RAD_PER_FRAME2 * np.abs(behind))
-        )
-        change = flexion - self.incoming + step - self.speed
-        follows = (np.abs(change) > MAX_BEND_RAD_PER_FRAME2) | (step != behind)
-        follows &= (sine > STRAIGHT_SINE) & ((self.known > 0.0) & np.array(free))[:, None]
-        bent = self.shown + self.speed + np.clip(change, -MAX_BEND_RAD_PER_FRAME2, MAX_BEND_RAD_PER_FRAME2)
-        bent = np.where(follows, np.maximum(bent, 0.0), flexion)
-        if follows.any():
-            axis = np.stack([np.zeros_like(up), -ahead, up], -1) / np.maximum(sine, STRAIGHT_SINE)[..., None]
-            turn = rotations.from_rotation_vector(axis * (bent - flexion)[..., None])
-            turned = rotations.multiply(turn, local[:, FOREARMS])
-            local[:, FOREARMS] = np.where(follows[..., None], turned, local[:, FOREARMS])
-        self.speed = np.where(self.known[:, None] > 0.0, bent - self.shown, 0.0)
-        self.shown, self.incoming, self.known = bent, flexion, np.ones_like(self.known)
+        pairs = []
+        numbers = zip(self.shown.tolist(), self.speed.tolist(), self.incoming.tolist(), strict=True)
+        bodies = zip(local.take(FOREARMS, 1).tolist(), numbers, self.known.tolist(), free, strict=True)
+        for i, (arms, each, known, lets) in enumerate(bodies):
+            for joint, q, shown, speed, incoming in zip(FOREARMS, arms, *each, strict=True):
+                local[i, joint], flexion, bent = _followed(q, shown, speed, incoming, bool(known) and lets)
+                pairs.append((bent, bent - shown if known else 0.0, flexion))
+        self.shown, self.speed, self.incoming = np.array(pairs).reshape(-1, 2, 3).transpose(2, 0, 1)
+        self.known = np.ones_like(self.known)
+
+
+def _followed(
+    q: Quaternion, shown: float, speed: float, incoming: float, follows: bool
+) -> tuple[Quaternion, float, float]:
+    """Return the local rotation of a forearm to show, of one that comes with `q`, its flexion and the shown one (radians)."""
+    w, x, y, z = q
+    # across the upper arm, in which its bone is +-X: where the forearm points
+    up, ahead = 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
+    sine = hypot(up, ahead)
+    flexion = atan2(sine, 1.0 - 2.0 * (y * y + z * z))
+    behind = incoming - shown
+    step = copysign(min(abs(behind), sqrt(2.0 * BRAKING_RAD_PER_FRAME2 * abs(behind))), behind)
+    change = flexion - incoming + step - speed
+    most = MAX_BEND_RAD_PER_FRAME2
+    if not follows or sine <= STRAIGHT_SINE or (abs(change) <= most and step == behind):
+        return q, flexion, flexion
+    bent = max(shown + speed + min(max(change, -most), most), 0.0)
+    return multiply(from_vector(scale((0.0, -ahead, up), (bent - flexion) / sine)), q), flexion, bent

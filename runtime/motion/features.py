@@ -154,7 +154,7 @@ def ground_height(heights: Array) -> Array:
 
     Unlike the height under the hips, the mean moves smoothly over steps (as in PFNN).
     """
-    return np.asarray(heights[..., 1].sum(axis=-1) / heights.shape[-2])
+    return np.asarray(np.add.reduce(heights[..., 1], -1) / heights.shape[-2])
 
 
 @dataclass
@@ -172,12 +172,13 @@ class InputParts:
     joint_velocities: Array  # (..., 31, 3) m/s, relative to the previous root
 
 
-def build_input(parts: InputParts) -> Array:
-    """Return the network input x `(..., 472)` of one frame, not normalised."""
+def build_input(parts: InputParts, ground: Array | None = None) -> Array:
+    """Return the network input x `(..., 472)` of one frame, not normalised; `ground` is the `ground_height` where it is known."""
     lead = np.shape(parts.root_yaw)
     yaw = np.asarray(parts.root_yaw)[..., None]
     centred = parts.trajectory_positions - parts.root_position[..., None, :]
-    heights = parts.heights - ground_height(parts.heights)[..., None, None]
+    ground = ground_height(parts.heights) if ground is None else ground
+    heights = parts.heights - ground[..., None, None]
     fields = [
         to_root(np.concatenate([centred, parts.trajectory_directions], axis=-2), yaw),
         heights,

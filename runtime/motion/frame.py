@@ -6,8 +6,8 @@ The same function moves one character and a crowd.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import atan2, degrees, inf
+from math import atan2, degrees, inf, pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,8 +54,7 @@ ANKLES = [SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot")]
 _PHASES = features.PHASE_OFFSETS + PRESENT
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """Results of a frame other than the new state."""
 
     hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyframed
@@ -98,7 +97,7 @@ def step(
     noise = _noise(model, state, temperature)
     state.frame = state.frame + 1
     flat = _network(model, x, noise, styles)
-    sound: Flags = np.abs(flat).max(-1) < MAX_OUTPUT  # false for what is not a number
+    sound: Flags = np.maximum.reduce(np.abs(flat), -1) < MAX_OUTPUT  # false for what is not a number
     if not all(sound.tolist()):
         flat[~sound] = 0.0  # these stand again, below
     y = split_output(flat.astype(np.float64))
@@ -115,7 +114,9 @@ def step(
     )
     gains = [style.swings for style in styles]
     steady = _steady(state, state.measured_speed)
-    swung = state.swings.apply(joints[:, 0], local, contacts, gains, _walking(state, steady))
+    walks = state.trajectory.gait[:, PRESENT, Gait.WALK].tolist()
+    walking = [goes and walk > 0.5 for goes, walk in zip(steady, walks, strict=True)]
+    swung = state.swings.apply(joints[:, 0], local, contacts, gains, walking)
     network = placed(*swung, state.trajectory, state.ground)
     even = _undisturbed(state, probes, steady)
     balanced = _undisturbed(state, probes, _steady(state, state.root_speed))
@@ -132,17 +133,18 @@ def step(
 
 def _steady(state: CharacterState, speed: Array) -> list[bool]:
     """Return which characters, of a root speed `(N,)` in m/s, move on straight ahead, rather than start, stop, turn or jump."""
-    going = (state.wished_speed > 0.0) & (speed > STEADY_SPEED_FRACTION * state.requested_speed)
     turned = state.trajectory.yaw[:, PRESENT] - state.trajectory.yaw[:, PRESENT - TURN_FRAMES]
-    ahead = np.abs((turned + np.pi) % (2.0 * np.pi) - np.pi) < MAX_WALKING_TURN_RAD_PER_S * TURN_FRAMES * DT
-    jumps = [bool(jump.stage) for jump in state.jumps]
-    return (going & ahead & ~np.array(jumps)).tolist()
-
-
-def _walking(state: CharacterState, steady: Sequence[bool]) -> list[bool]:
-    """Return which of the `steady` characters walk, rather than jog or crouch."""
-    walk = (state.trajectory.gait[:, PRESENT, Gait.WALK] > 0.5).tolist()
-    return [walks and goes for walks, goes in zip(walk, steady, strict=True)]
+    numbers = (state.wished_speed, speed, state.requested_speed, turned)
+    most = MAX_WALKING_TURN_RAD_PER_S * TURN_FRAMES * DT
+    return [
+        wished > 0.0
+        and goes > STEADY_SPEED_FRACTION * requested
+        and abs((turn + pi) % (2.0 * pi) - pi) < most
+        and not jump.stage
+        for wished, goes, requested, turn, jump in zip(
+            *(n.tolist() for n in numbers), state.jumps, strict=True
+        )
+    ]
 
 
 def _undisturbed(
@@ -175,7 +177,9 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     path, present = state.trajectory, features.L // 2
     positions, yaw = path.xz.take(SAMPLES, 1), path.yaw.take(SAMPLES, 1)
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
-    if terrain.steepest * RUN_M < EDGE_M:
+    if terrain.steepest == 0.0:
+        heights = np.full((*yaw.shape, 3), float(terrain.heights[0, 0]))
+    elif terrain.steepest * RUN_M < EDGE_M:
         points = features.height_points(positions, directions)
         heights = within_steps(terrain.height(points[..., 0], points[..., 1]), present)
     else:
@@ -199,7 +203,7 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
     )
     most = MAX_LIFT_M_PER_S * DT
     state.ground = np.minimum(np.maximum(ground, state.ground - most), state.ground + most)
-    return features.build_input(parts)
+    return features.build_input(parts, ground)
 
 
 def _noise(model: MotionModel, state: CharacterState, temperature: Sequence[float]) -> list[Array]:
@@ -287,14 +291,13 @@ def _on_feet(
     jump.advance(float(hips[i, 1]), float(state.ground[i]), root)
     if jump.stage:
         hips[i], local[i], contacts[i] = jump.pose(hips[i], local[i], contacts[i], terrain)
-    edited = EditedPose(hips[i], local[i], contacts[i])
-    if (asked := _edit_request(state, i, joints)) is not None:
-        edited = state.edits[i].apply(*edited[:3], asked)
+    posed, asked = (hips[i], local[i], contacts[i]), _edit_request(state, i, joints)
+    edited = EditedPose.of(*posed) if asked is None else state.edits[i].apply(*posed, asked)
     if any(shift):
         edited = edited.moved(shift)
     patience = 1.0 + ADDED_PATIENCE_FRACTION * (1.0 - float(state.settling.fraction[i]))
     walks = even and float(state.trajectory.gait[i, PRESENT, Gait.JOG]) < 0.5
-    support = Support(jump.airborne, patience, edited.legs, state.traversals[i].over, walks)
+    support = Support(jump.airborne, patience, edited.incoming, edited.legs, state.traversals[i].over, walks)
     locked = state.feet[i].apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
     return locked.hips_position, locked.local_rotations
 

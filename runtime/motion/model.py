@@ -220,12 +220,13 @@ class MotionModel:
     ) -> tuple[Float32Array, Float32Array]:
         """y and alpha by the styles alone, without their opposites; `second` is the call with these."""
         folded = self._folded(style, len(x), second)
-        turned = np.array([s.mirrored for s in ([style] * len(x) if isinstance(style, Style) else style)])
-        if self._mirror is not None and turned.any():
-            x = np.where(turned[:, None], self._mirror.of_input(x), x)
+        mirrored = [s.mirrored for s in ([style] * len(x) if isinstance(style, Style) else style)]
+        mirror, turned = self._mirror if any(mirrored) else None, np.array(mirrored)[:, None]
+        if mirror is not None:
+            x = np.where(turned, mirror.of_input(x), x)
         y, alpha = run_graph(self._step, self._step_path, None, {"x": x, "noise": noise, **folded})
-        if self._mirror is not None and turned.any():
-            y = np.where(turned[:, None], self._mirror.of_output(y), y)
+        if mirror is not None:
+            y = np.where(turned, mirror.of_output(y), y)
         return y, alpha
 
     def _folded(self, style: Style | Sequence[Style], count: int, second: bool) -> dict[str, Float32Array]:

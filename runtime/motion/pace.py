@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import hypot
+from math import dist, hypot
 
 import numpy as np
 
@@ -174,11 +174,9 @@ class Stall:
     def update(self, joints: Array, requested: Sequence[float]) -> list[bool]:
         """Return which gaits stall, from joints `(N, 31, 3)` relative to the root and `requested` speeds in m/s, 0 at rest."""
         feet = joints.take(POINTS, 1)
-        moved = feet - self.feet
-        shown = (np.sqrt((moved * moved).sum(-1)).sum(-1) * (FPS / len(POINTS))).tolist()
         speeds, seconds = self.speed.tolist(), self.seconds.tolist()
-        for i, wanted in enumerate(requested):
-            speeds[i] += (shown[i] - speeds[i]) * _FEET
+        for i, (wanted, *places) in enumerate(zip(requested, feet.tolist(), self.feet.tolist(), strict=True)):
+            speeds[i] += (sum(map(dist, *places)) * (FPS / len(POINTS)) - speeds[i]) * _FEET
             slow = wanted > 0.0 and speeds[i] < STALLED_SHARE * wanted
             seconds[i] = seconds[i] + 1.0 / FPS if slow else 0.0
         self.feet, self.speed, self.seconds = feet, np.array(speeds), np.array(seconds)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import cos
+from math import cos, dist
 
 import numpy as np
 
@@ -67,8 +67,10 @@ class Inertialization:
         ]
         limits = [_fastest(*pair) for pair in zip(left, rest, strict=True)]
         arms = local.take(JOINTS, 1)
-        same = np.abs((arms * self.last).sum(-1)).min(-1).tolist()  # cosines of half the fastest turns
-        held = np.abs(self.offset).max((1, 2)).tolist()
+        same = np.minimum.reduce(
+            np.abs(np.add.reduce(arms * self.last, -1)), -1
+        ).tolist()  # cosines of half the fastest turns
+        held = np.maximum.reduce(np.abs(self.offset), (1, 2)).tolist()
         active = [
             left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE_RAD or same[i] < cos(0.5 * limit)
             for i, limit in enumerate(limits)
@@ -157,8 +159,8 @@ class Settling:
         `joints` and those of the last frame are `(N, 31, 3)`, relative to the root. `free`: nothing is requested of the body,
         so it may come to rest; `still`: it has reached its requested place; `grounded`: both feet stand where they may stay.
         """
-        moved = joints.take(WATCHED, 1) - before.take(WATCHED, 1)
-        speeds = (np.sqrt((moved * moved).sum(-1)) * FPS).tolist()
+        places = zip(joints.take(WATCHED, 1).tolist(), before.take(WATCHED, 1).tolist(), strict=True)
+        speeds = [[FPS * moved for moved in map(dist, *each)] for each in places]
         usual, fractions = self.usual.tolist(), self.fraction.tolist()
         waits, rates = self.waited.tolist(), []
         for i, (speed, was) in enumerate(zip(speeds, fractions, strict=True)):
@@ -172,9 +174,10 @@ class Settling:
                     max(each * _FORGETS, now, MIN_USUAL_SPEED_M_PER_S)
                     for each, now in zip(usual[i], speed, strict=True)
                 ]
-            limits = zip(usual[i], AT_REST, speed, strict=True)
-            rate = min(max(fractions[i] * each, least) / max(now, MIN_DIVISOR) for each, least, now in limits)
-            rate = min(rate, 1.0)
+            # unless it comes to rest, none of its limbs is faster than usual
+            limits = zip(usual[i], AT_REST, speed, strict=True) if free[i] or fractions[i] < 1.0 else ()
+            slow = (max(fractions[i] * each, least) / max(now, MIN_DIVISOR) for each, least, now in limits)
+            rate = min(1.0, min(slow, default=1.0))
             even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], MIN_RATE_FRACTION)))
             rate += (float(self.rate[i]) - rate) * even
             rates.append(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import atan2, hypot
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from runtime.motion.pace import STANDING_SECONDS
 from runtime.motion.root_motion import SPEED_HALF_LIFE
 from runtime.motion.state import CharacterState
 from runtime.motion.style import Style
-from runtime.motion.trajectory import JOG_SHARE, PRESENT, Plan
+from runtime.motion.trajectory import JOG_SHARE, PRESENT
 from runtime.scalar_math import MIN_DIVISOR, decay
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
@@ -35,8 +35,7 @@ MIN_PLANNED_SPEED_M_PER_S = 0.05  # m/s: a body that stops is regulated until th
 _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
 
 
-@dataclass(frozen=True)
-class FrameRequest:
+class FrameRequest(NamedTuple):
     """Desired velocity, facing and gait of N characters in this frame."""
 
     velocity: list[tuple[float, float]]  # m/s
@@ -169,5 +168,4 @@ def steer(
         gathers = state.regulator.measured[i] < GATHERED_SPEED_FRACTION * speed
         if request.gait[i] == Gait.JOG and gathers and state.regulator.stood[i] < STANDING_SECONDS:
             gains[i] = min(gains[i], JOG_START_GAIN)
-    velocities = plan.velocities * np.array(gains)[:, None, None]
-    state.trajectory.steer(Plan(velocities, plan.yaws, plan.gaits))
+    state.trajectory.steer(plan._replace(velocities=plan.velocities * np.array(gains)[:, None, None]))

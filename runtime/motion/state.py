@@ -105,7 +105,7 @@ def bound_speed(poses: Poses, before: Poses) -> None:
     The network continues from its own pose, which the shown one reaches some frames later.
     """
     moved = poses.positions - before.positions
-    if float((moved * moved).max()) * 3.0 < (MAX_JOINT_SPEED_M_PER_S * DT) ** 2:
+    if float(np.maximum.reduce(moved * moved, None)) * 3.0 < (MAX_JOINT_SPEED_M_PER_S * DT) ** 2:
         return
     fast = _fastest_joint(poses.positions, before.positions) > MAX_JOINT_SPEED_M_PER_S
     if not fast.any():

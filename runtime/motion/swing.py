@@ -18,7 +18,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.errors import ModelError
 from runtime.feet.foot_lock import carrying_rise
-from runtime.feet.leg import LegBones, LegPose, leg_bones, leg_forward, leg_inverse
+from runtime.feet.leg import LegPose, leg_base, leg_bones, leg_forward, leg_inverse
 from runtime.feet.reach import span
 from runtime.scalar_math import (
     MIN_DIVISOR,
@@ -27,7 +27,6 @@ from runtime.scalar_math import (
     add,
     decay,
     from_vector,
-    inverse,
     length,
     multiply,
     relative,
@@ -58,6 +57,7 @@ CAPTURED_GAIN_FRACTION = 0.1  # of a gain: as far from 1, it is that of a captur
 UNSEEN_GAIN_FRACTION = 0.03  # of a gain: nearer to 1 it is left alone
 MIN_SHARE_FRACTION = 1e-3  # of what is drawn out: less is none
 MEAN_HALF_LIFE_S = 0.8  # seconds in which the means follow the pose
+_SEEN = 1.0 - decay(MEAN_HALF_LIFE_S)
 # seconds, half-lives, in which gains come into force in a walk, and go
 SET_IN_HALF_LIFE_S, LEAVE_HALF_LIFE_S = 0.5, 0.12
 _SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
@@ -135,29 +135,28 @@ class Swings:
 
         `contacts` is `(N, 4)`; `gains` of `SWINGS` and `walking` have one entry per character.
         """
-        shares = self.share.tolist()
+        shares, hips, local = self.share.tolist(), hips.copy(), local.copy()
+        self.means = self.means.copy()
         for i, (own, walks) in enumerate(zip(gains, walking, strict=True)):
             walks = walks and any(abs(gain - 1.0) > UNSEEN_GAIN_FRACTION for gain in own)
             if not walks and shares[i] < MIN_SHARE_FRACTION:
                 shares[i] = 0.0
                 continue
-            if self.share[i] == 0.0:  # begins with what is
-                self.means = self.means.copy()
-                self.means[i] = _measured(hips[i], local[i])
-            follow = 1.0 - decay(SET_IN_HALF_LIFE_S if walks else LEAVE_HALF_LIFE_S)
-            shares[i] += follow * (float(walks) - shares[i])
+            at, rotations = hips[i].tolist(), local[i].tolist()
+            now = _measured(at[1], rotations)
+            means = self.means[i].tolist() if shares[i] > 0.0 else now  # begins with what is
+            kept = decay(SET_IN_HALF_LIFE_S if walks else LEAVE_HALF_LIFE_S)
+            shares[i] += (1.0 - kept) * (walks - shares[i])
             more = [shares[i] * (gain - 1.0) for gain in own]
-            hips, local = hips.copy(), local.copy()
-            self.means = self.means.copy()
-            hips[i], local[i], self.means[i] = _swung(
-                hips[i], local[i], contacts[i].tolist(), more, self.means[i].tolist()
-            )
+            self.means[i] = means = _followed(means, now)
+            rise, turned = _swung(at, rotations, contacts[i].tolist(), more, now, means)
+            hips[i, 1] += rise
+            local[i, list(turned)] = list(turned.values())
         self.share = np.array(shares)
         return hips, local
 
 
-def _measured(hips: Array, local: Array) -> list[float]:
-    rotations = local.tolist()
+def _measured(height: float, rotations: list[Quaternion]) -> list[float]:
     chest = pelvis = rotations[0]
     for joint in _SPINE:
         chest = multiply(chest, rotations[joint])
@@ -168,72 +167,70 @@ def _measured(hips: Array, local: Array) -> list[float]:
     hip_line, shoulder_line = rotate(pelvis, _SIDE), rotate(chest, subtract(left, right))
     arms = [value for joint in _UPPER_ARMS for value in rotations[joint]]
     roll = asin(min(max(hip_line[1], -1.0), 1.0))
-    return [_yaw(hip_line), roll, _yaw(shoulder_line), float(hips[1]), *arms]
+    return [_yaw(hip_line), roll, _yaw(shoulder_line), height, *arms]
+
+
+def _followed(means: list[float], now: list[float]) -> list[float]:
+    """Means that have gone on towards what is; the sign of a rotation may be either."""
+    result = [mean + _SEEN * (value - mean) for mean, value in zip(means[:4], now[:4], strict=True)]
+    for k in range(4, _MEANS, 4):
+        (a, b, c, d), (w, x, y, z) = means[k : k + 4], now[k : k + 4]
+        sign = 1.0 if a * w + b * x + c * y + d * z >= 0.0 else -1.0
+        w, x = a + _SEEN * (sign * w - a), b + _SEEN * (sign * x - b)
+        y, z = c + _SEEN * (sign * y - c), d + _SEEN * (sign * z - d)
+        size = (w * w + x * x + y * y + z * z) ** 0.5
+        result += [w / size, x / size, y / size, z / size]
+    return result
 
 
 def _swung(
-    hips: Array, local: Array, contacts: list[float], more: list[float], means: list[float]
-) -> tuple[Vector, Array, list[float]]:
-    """Hips, local rotations and means of a frame; `more` is what is added of every swing, as a fraction of it."""
-    now = _measured(hips, local)
-    seen = 1.0 - decay(MEAN_HALF_LIFE_S)
-    arms = [_towards(means[k : k + 4], now[k : k + 4], seen) for k in range(4, _MEANS, 4)]
-    after = [mean + seen * (value - mean) for mean, value in zip(means[:4], now[:4], strict=True)]
-    added = [
-        min(max(more[k] * (now[at] - after[at]), -MOST[k]), MOST[k])
-        for k, at in ((YAW, 0), (ROLL, 1), (SHOULDERS, 2), (BOB, 3))
-    ]
-    yaw, roll, turn, rise = added
-    result, rotations = local.copy(), local.tolist()
-    before = [leg_forward(bones, tuple(hips.tolist()), rotations) for bones in _LEGS]
-    pelvis = multiply(from_vector((0.0, yaw, roll)), rotations[0])
-    rotations[0], result[0] = pelvis, pelvis
-    _turn_spine(result, local.tolist(), (yaw, roll, turn))
-    _swing_arms(result, arms, more[ARMS])
-    legs = [_moved_with(leg, bones, hips, rotations) for leg, bones in zip(before, _LEGS, strict=True)]
+    hips: Vector,
+    local: list[Quaternion],
+    contacts: list[float],
+    more: list[float],
+    now: list[float],
+    means: list[float],
+) -> tuple[float, dict[int, Quaternion]]:
+    """Metres that the hips rise, and local rotations of the joints that turn; `more` is what is added of every swing, as a fraction of it."""
+    yaw, roll, turn, rise = (
+        min(max(more[k] * (now[at] - means[at]), -MOST[k]), MOST[k])
+        for at, k in enumerate((YAW, ROLL, SHOULDERS, BOB))
+    )
+    pelvis = multiply(from_vector((0.0, yaw, roll)), local[0])
+    turned = {0: pelvis, **_turned_spine(local, pelvis, (yaw, roll, turn))}
+    for k, joint in enumerate(_UPPER_ARMS, 1):
+        w, x, y, z = means[4 * k : 4 * k + 4]
+        swing = to_vector(multiply(local[joint], (w, -x, -y, -z)))
+        size = min(abs(more[ARMS]), MOST[ARMS] / max(length(swing), MIN_DIVISOR))
+        turned[joint] = multiply(from_vector(scale(swing, copysign(size, more[ARMS]))), local[joint])
+    before = [leg_forward(bones, hips, local) for bones in _LEGS]
+    legs = []  # their thighs go with the pelvis, and their feet stay
+    for leg, bones in zip(before, _LEGS, strict=True):
+        base, hip = leg_base(bones, hips, pelvis, local[bones.joints[0]])
+        legs.append(LegPose(base, *leg[1:4], hip, add(leg.knee, subtract(hip, leg.hip)), *leg[6:]))
     bears = max(contacts[:2]), max(contacts[2:])
-    rise += carrying_rise(legs, [span(leg) for leg in before], bears)
+    rise += carrying_rise([(leg.hip, leg.ankle) for leg in legs], [span(leg) for leg in before], bears)
     for bones, leg in zip(_LEGS, legs, strict=True):
-        result[list(bones.joints[1:4])] = leg_inverse(leg, leg.ankle, leg.foot, -rise)
-    x, y, z = hips.tolist()
-    return (x, y + rise, z), result, [*after, *(value for q in arms for value in q)]
+        turned.update(zip(bones.joints[1:4], leg_inverse(leg, leg.ankle, leg.foot, -rise), strict=True))
+    return rise, turned
 
 
-def _swing_arms(result: Array, means: list[Quaternion], more: float) -> None:
-    for joint, mean, q in zip(_UPPER_ARMS, means, result[list(_UPPER_ARMS)].tolist(), strict=True):
-        swing = to_vector(multiply(q, inverse(mean)))
-        size = min(abs(more), MOST[ARMS] / max(length(swing), MIN_DIVISOR))
-        result[joint] = multiply(from_vector(scale(swing, copysign(size, more))), q)
-
-
-def _moved_with(leg: LegPose, bones: LegBones, hips: Array, rotations: list[Quaternion]) -> LegPose:
-    """A leg whose thigh goes with a pelvis that is turned; its foot stays."""
-    moved = leg_forward(bones, tuple(hips.tolist()), rotations)
-    knee = add(leg.knee, subtract(moved.hip, leg.hip))
-    return leg._replace(base=moved.base, hip=moved.hip, knee=knee)
-
-
-def _turn_spine(result: Array, before: list[Quaternion], added: tuple[float, float, float]) -> None:
+def _turned_spine(
+    local: list[Quaternion], pelvis: Quaternion, added: tuple[float, float, float]
+) -> dict[int, Quaternion]:
     """Turn the spine from what is added at the pelvis to what is at the chest; the head looks where it looked."""
     yaw, roll, turn = added
-    was, now = before[0], tuple(result[0].tolist())
+    was, now, turned = local[0], pelvis, {}
     for k, joint in enumerate(_SPINE, 1):
         part = k / len(_SPINE)
-        was = multiply(was, before[joint])
+        was = multiply(was, local[joint])
         world = multiply(from_vector((0.0, yaw + part * (turn - yaw), (1.0 - part) * roll)), was)
-        result[joint] = relative(now, world)
+        turned[joint] = relative(now, world)
         now = world
-    result[_NECK] = relative(now, multiply(was, before[_NECK]))
+    turned[_NECK] = relative(now, multiply(was, local[_NECK]))
+    return turned
 
 
 def _yaw(line: Vector) -> float:
     """Radians by which a line from right to left is turned about the vertical."""
     return atan2(-line[2], line[0])
-
-
-def _towards(mean: list[float], q: list[float], share: float) -> Quaternion:
-    """A mean rotation that goes by a share towards another, whose sign may be either."""
-    sign = 1.0 if sum(a * b for a, b in zip(mean, q, strict=True)) >= 0.0 else -1.0
-    w, x, y, z = (a + share * (sign * b - a) for a, b in zip(mean, q, strict=True))
-    size = (w * w + x * x + y * y + z * z) ** 0.5
-    return w / size, x / size, y / size, z / size

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import atan2, hypot, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,8 +46,7 @@ _MAKES_UP = decay(WISH_HALF_LIFE)
 _LABEL_FADE = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """Planned velocities, yaws and gaits of N characters for the next second, the present frame first."""
 
     velocities: Array  # (N, 61, 2) m/s
@@ -84,7 +84,7 @@ def planned_velocities(now: Array, wish: Array, reach: Array, seconds: Array) ->
     They change by `reach` `(N,)` (m/s) in `seconds` `(N,)`, and faster if the difference is larger.
     """
     change = now - wish
-    missing = np.sqrt((change * change).sum(-1, keepdims=True))
+    missing = np.sqrt(np.add.reduce(change * change, -1, keepdims=True))
     fraction = remaining(missing, reach[:, None], seconds[:, None], AHEAD) / np.maximum(missing, MIN_DIVISOR)
     return np.asarray(wish[:, None] + fraction[..., None] * change[:, None])
 
@@ -105,16 +105,11 @@ def labels(
     a jog begins. Gaits other than stand, walk and jog are kept. At full `response` a crouch comes as fast as other labels.
     """
     # a body that jumps without a stick has a threshold of 0
-    rates = [
-        [LABEL_CHANGE_RATIO / STILL_SPEED] * len(speeds),
-        [LABEL_CHANGE_RATIO / max(each, MIN_SIZE) for each in jog_from],
-    ]
-    moves, jogs = smoothstep(speeds * np.array(rates)[..., None] - 1.0)
-    plan = np.zeros((*speeds.shape, GAITS))
-    plan[..., _STAND] = 1.0 - moves
+    thresholds = np.array([[STILL_SPEED, max(each, MIN_SIZE)] for each in jog_from]).T
+    moves, jogs = smoothstep(speeds * (LABEL_CHANGE_RATIO / thresholds)[..., None] - 1.0)
     jogs *= moves
-    plan[..., _WALK] = moves - jogs
-    plan[..., _JOG] = jogs
+    plan = np.zeros((*speeds.shape, GAITS))
+    plan[..., _STAND], plan[..., _WALK], plan[..., _JOG] = 1.0 - moves, moves - jogs, jogs
     for i, own in enumerate(gait):
         if own >= _CROUCH:
             plan[i] = np.eye(GAITS)[own]
@@ -230,7 +225,7 @@ class Trajectory:
         velocities = planned_velocities(self.velocity, self.wish, np.array(walk), np.array(seconds))
         ways = facings(self.requested_yaw, self.wish_yaw, np.array(around))
         self.velocity, self.requested_yaw = velocities[:, 1], ways[:, 1]
-        speeds = np.sqrt((velocities * velocities).sum(-1))
+        speeds = np.sqrt(np.add.reduce(velocities * velocities, -1))
         return Plan(velocities, ways, labels(speeds, self.gait[:, PRESENT], gait, jog_from, response))
 
     def steer(self, plan: Plan) -> None:

@@ -61,17 +61,23 @@ class WalkableShare:
         `walks` marks characters that must have a foot on the ground, `steady` those whose walk is judged, `blending`
         those in a transition to a new style.
         """
-        even, downs = np.array(steady, bool), np.array([(*feet, any(feet)) for feet in stands])
-        self.in_air = np.where(downs | ~even[:, None], 0.0, self.in_air + DT)
-        mean, square = self.height.T
-        mean = np.where(even, mean + _FOLLOWS * (heights - mean), heights)
-        square = np.where(even, square + _FOLLOWS * ((heights - mean) ** 2 - square), 0.0)
-        self.height = np.stack([mean, square], -1)
-        flies = np.any(self.in_air > (MAX_SWING_S, MAX_SWING_S, MAX_FLIGHT_S), -1)
-        wrong = even & ((square > MAX_RISE_M**2) | (np.array(walks, bool) & flies))
-        changing = np.array(blending, bool)
-        kept = np.where(wrong, np.maximum(self.share - SHARE_LOSS_PER_S * DT, LEAST_SHARE), self.share)
-        self.share = np.where(changing, np.minimum(self.share + SHARE_GAIN_PER_S * DT, 1.0), kept)
+        made = []
+        for height, feet, on_foot, goes, changes, air, (mean, square), share in zip(
+            heights.tolist(), stands, walks, steady, blending,
+            self.in_air.tolist(), self.height.tolist(), self.share.tolist(), strict=True,
+        ):  # fmt: skip
+            downs = *feet, any(feet)
+            air = [each + DT if goes and not down else 0.0 for each, down in zip(air, downs, strict=True)]
+            mean = mean + _FOLLOWS * (height - mean) if goes else height
+            square = square + _FOLLOWS * ((height - mean) ** 2 - square) if goes else 0.0
+            flies = on_foot and (max(air[:2]) > MAX_SWING_S or air[2] > MAX_FLIGHT_S)
+            if changes:
+                share = min(share + SHARE_GAIN_PER_S * DT, 1.0)
+            elif goes and (square > MAX_RISE_M**2 or flies):
+                share = max(share - SHARE_LOSS_PER_S * DT, LEAST_SHARE)
+            made.append((*air, mean, square, share))
+        values = np.array(made)
+        self.in_air, self.height, self.share = values[:, :3], values[:, 3:5], values[:, 5]
 
 
 @lru_cache(maxsize=16)

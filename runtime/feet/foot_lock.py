@@ -145,6 +145,7 @@ class Support(NamedTuple):
     legs: tuple[LegPose, LegPose] | None = None
     over: SteppedOver | None = None  # what the gait itself steps over
     walks: bool = False  # one foot at least is on the ground
+    least_bend: float = 0.0  # radians that a knee is bent at least
 
 
 class FootLockResult(NamedTuple):
@@ -203,7 +204,7 @@ class FootLock:
         self._plant_feet(legs, np.asarray(contacts, np.float64).tolist(), support, ground, dt)
         rise = support.over.hips_rise((x, y, z)) if support.over and has_edges(ground) else 0.0
         self.pelvis.carry(legs, self.feet, dt, support.airborne, rise)
-        reached, drop = self._reach_feet(incoming, legs, ground, dt)
+        reached, drop = self._reach_feet(incoming, legs, support.least_bend, ground, dt)
         result = np.array(shown, copy=True)
         self._bend_legs(result, incoming, reached, drop, ground, dt)
         for foot, end in zip(self.feet, reached, strict=True):
@@ -234,6 +235,7 @@ class FootLock:
         self,
         incoming: tuple[LegPose, LegPose],
         legs: tuple[LegPose, LegPose],
+        least_bend: float,
         ground: PointHeights,
         dt: float,
     ) -> tuple[list[SpannedFoot], float]:
@@ -246,7 +248,7 @@ class FootLock:
         hips = [leg.raised(-drop) for leg in incoming]
         each = list(zip(self.feet, self.knees, incoming, hips, targets, strict=True))
         reaches = [
-            knee.follow(leg, hip, target, foot.bones, dt, not foot.anchor)
+            knee.follow(leg, hip, target, foot.bones, dt, not foot.anchor, least_bend)
             for foot, knee, leg, hip, target in each
         ]
 

@@ -196,11 +196,18 @@ class Knee:
     straightest: float = field(default=0.0, metadata={"later": True})  # incoming flexion of the last strides
 
     def follow(
-        self, leg: LegPose, hip: Vector, target: Vector, bones: LegBones, dt: float, free: bool = False
+        self,
+        leg: LegPose,
+        hip: Vector,
+        target: Vector,
+        bones: LegBones,
+        dt: float,
+        free: bool = False,
+        least: float = 0.0,
     ) -> float:
         """Return the hip-ankle distance (metres) of this frame for the requested `target`; `leg` is the incoming leg.
 
-        A `free` foot's leg is never straighter than the incoming leg is in its strides.
+        The knee is bent by `least` (radians) at least, and a `free` foot's as far as the incoming leg is in its strides.
         """
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         far, spans = dist(target, hip), dist(leg.ankle, leg.hip)
@@ -211,8 +218,7 @@ class Knee:
             return far
         forgotten = self.straightest + (1.0 - decay(STRAIGHTEST_HALF_LIFE_S)) * (incoming - self.straightest)
         self.straightest = min(incoming, forgotten)
-        if free:
-            wanted = max(wanted, min(self.straightest, MAX_STRAIGHTEST))
+        wanted = max(wanted, least, min(self.straightest, MAX_STRAIGHTEST) if free else 0.0)
         natural = (incoming - self.incoming) / dt
         missing = wanted - (self.flexion + natural * dt)
         speed = natural + copysign(min(abs(missing) / dt, sqrt(2.0 * BRAKING * abs(missing))), missing)

@@ -6,7 +6,7 @@ The same function moves one character and a crowd.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, degrees, inf, pi
+from math import atan2, degrees, inf, pi, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +48,8 @@ STEADY_SPEED_FRACTION = 0.7  # of the plan's speed: slower, a body that starts t
 # radians a second, over so many frames: faster, a walk turns
 TURN_FRAMES, MAX_WALKING_TURN_RAD_PER_S = 6, 0.7
 MAX_LIFT_M_PER_S = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
+# that a jogging knee is bent at least: captured jogs straighten to 11 to 25 degrees, the network's to 3
+JOGGING_KNEE_RAD = radians(12.0)
 FUTURE = len(features.FUTURE_OFFSETS)
 NECK = SPORT_SKELETON.index("Neck")
 ANKLES = [SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot")]
@@ -296,8 +298,9 @@ def _on_feet(
     if any(shift):
         edited = edited.moved(shift)
     patience = 1.0 + ADDED_PATIENCE_FRACTION * (1.0 - float(state.settling.fraction[i]))
-    walks = even and float(state.trajectory.gait[i, PRESENT, Gait.JOG]) < 0.5
-    support = Support(jump.airborne, patience, edited.incoming, edited.legs, state.traversals[i].over, walks)
+    jogs = float(state.trajectory.gait[i, PRESENT, Gait.JOG])
+    over, walks, bend = state.traversals[i].over, even and jogs < 0.5, jogs * JOGGING_KNEE_RAD
+    support = Support(jump.airborne, patience, edited.incoming, edited.legs, over, walks, bend)
     locked = state.feet[i].apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
     return locked.hips_position, locked.local_rotations
 

@@ -34,7 +34,9 @@ BETWEEN = np.arange(1, 6) / 6.0  # places between two height samples where somet
 _AROUND = np.clip(np.arange(L)[:, None] + np.arange(-3, 4) / 6.0, 0.0, L - 1.0)
 _FIRST = np.minimum(_AROUND.astype(int), L - 2)
 _SHARE = (_AROUND - _FIRST)[..., None]
-SEEN_RISE_FRACTION = 0.12  # fraction of the rises of ground with edges that the network sees: steeper, it gives its style up
+SEEN_RISE_FRACTION = (
+    0.12  # fraction of the rises of ground with edges that the network sees: steeper, it gives its style up
+)
 NARROW_M = 0.05  # that it stands higher than both of them; less is rough ground
 
 

@@ -166,12 +166,11 @@ class MotionModel:
                 "Encode the prompt again.",
             )
         swings = self.swings(z)
-        strength *= self._strength
-        if self._swings is not None:
-            strength *= 1.0 - (1.0 - COMPOSED_STRENGTH) * composed_fraction(swings)
-        drawn = z
-        if self._neutral_code is not None and strength != 1.0:
-            drawn = self._neutral_code + np.float32(strength) * (drawn - self._neutral_code)
+        composed = 0.0 if self._swings is None else composed_fraction(swings)
+        own, drawn = (
+            self._drawn(z, strength),
+            self._drawn(z, strength * (1.0 - (1.0 - COMPOSED_STRENGTH) * composed)),
+        )
         path = self.folder / "style.onnx"
         bias, weight, content_bias, speeds = run_graph(self._style, path, None, {"z": drawn})
         if not np.isfinite(speeds).all():
@@ -183,12 +182,19 @@ class MotionModel:
         rest = np.zeros((C, 2), np.float32)
         if len(speeds) > 2:
             if self._neutral_code is not None:  # legs and trunk of a giant or an angry body probe like waving
-                arms = drawn.copy()
+                arms = own.copy()
                 arms[ARM_PARTS:] = self._neutral_code[ARM_PARTS:]
                 speeds = run_graph(self._style, path, None, {"z": arms})[3]
             rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T
         rest = rest.astype(np.float32)
         return Style(z, bias, weight, content_bias, walk, max(jog, MIN_JOG_RATIO * walk), rest, swings=swings)
+
+    def _drawn(self, z: Float32Array, strength: float) -> Float32Array:
+        """Z^t exaggerated relative to the neutral code, by `strength` times the model's best."""
+        strength *= self._strength
+        if self._neutral_code is None or strength == 1.0:
+            return z
+        return self._neutral_code + np.float32(strength) * (z - self._neutral_code)
 
     def swings(self, z: Float32Array) -> tuple[float, ...]:
         """Return the swing gains for a walk of Z^t `(6, 64)`; 1 if the model has none."""

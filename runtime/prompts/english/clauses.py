@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
@@ -29,10 +30,10 @@ class ParsedPrompt:
     side: str = ""
 
 
-def parse_clauses(prompt: str) -> ParsedPrompt:
-    """Split the statements about body parts off a prompt; several about one part are joined."""
+def parse_clauses(prompt: str, known: Callable[[str], bool] = lambda _: False) -> ParsedPrompt:
+    """Split the statements about body parts off a prompt; several about one part are joined. `known`: see `name_sides`."""
     rules = grammar()
-    text, hand = name_sides(_plain(prompt))
+    text, hand = name_sides(_plain(prompt), known)
     pieces = rules["separators"].split(with_commas(text))
     leg = only_side(match["side"] for match in rules["sided_leg"].finditer(text)) or "right"
     parts: dict[str, str] = {}

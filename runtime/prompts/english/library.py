@@ -28,10 +28,11 @@ from runtime.prompts.english.compose import (
     with_figure,
     words_of_parts,
 )
+from runtime.prompts.english.grammar import grammar
 from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
 from runtime.prompts.english.sides import OPPOSITE, named_side
-from runtime.prompts.english.spelling import ENGLISH, SELDOM, Spelling, is_foreign, knows_no_word
+from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
 from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.library_data import (
@@ -356,7 +357,9 @@ class LibraryExpander:
             raise FileError(f"{self._path}: has no entry of the style 'neutral'.", "Restore the file.")
         plain = [i for i, style in enumerate(names) if style.startswith(NEUTRAL_STYLE)]
         phrases = PhraseIndex(content)
-        spelling = Spelling(phrases.known | ENGLISH, SELDOM.union(embeddings.other_words))
+        spelling = Spelling(
+            phrases.known | ENGLISH, (*embeddings.other_words, *grammar()["seldom"].pattern.split("|"))
+        )
         return _Library(content, embeddings, phrases, spelling, names.index(NEUTRAL_STYLE), plain)
 
     @cached_property

@@ -18,13 +18,12 @@ from runtime.prompts.english.grammar import Match, grammar, replaced
 SIDE = re.compile(r"\b(?:left|right)\b")
 OPPOSITE = {"left": "right", "right": "left"}
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
-_EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
-_OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
+Known = Callable[[str], bool]  # whether the library knows what is done with a thing
 _DEFINITE = ("the", "his", "her", "their", "its")
 _OWNERS = ("a", "his", "her", "their")  # of the left hand of a left-handed person
 
 
-def name_sides(prompt: str, known: Callable[[str], bool]) -> tuple[str, str]:
+def name_sides(prompt: str, known: Known) -> tuple[str, str]:
     """Return a lower-case prompt with a side before each limb, and the preferred or carrying side ("left-handed") or "".
 
     A single limb without any hint of its side is unchanged; it is later read as the right one. What is done with a thing is
@@ -44,7 +43,7 @@ def name_sides(prompt: str, known: Callable[[str], bool]) -> tuple[str, str]:
 
 
 def _relation(
-    match: Match, words: str, hand: str, sides: list[str], known: Callable[[str], bool] | None = None
+    match: Match, words: str, hand: str, sides: list[str], known: Known | None = None
 ) -> str | None:
     """Return the words that a relation stands for, with its side, the other side, and what else the pattern names."""
     if known and (known(match.group()) or grammar()["of_arm"].search(match.string[: match.start()])):
@@ -108,7 +107,7 @@ class _Limbs:
         if bare:
             if match["whose"] in (None, "the ") and not (self._spoken and self._side != bare):
                 return match.group()
-            if not self._spoken and _OF_LEGS.match(self._text, match.end()):
+            if not self._spoken and grammar()["of_legs"].match(self._text, match.end()):
                 self._noun = "leg"
         self._side = match["one"] or bare or OPPOSITE[self._side]
         return f"{self._side} {self._noun}"
@@ -159,7 +158,7 @@ class _Limbs:
     def _side_of_one(self, match: Match, is_arm: bool) -> str:
         """Return the side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""
         after = match.end()
-        if _EACH_OTHER.match(self._text, after):
+        if grammar()["each_other"].match(self._text, after):
             return ""
         place = self._side_of_place(after)
         if place or is_arm in self._single:

@@ -33,9 +33,6 @@ ENGLISH = word_set(
     "man woman people he she they walking walks walk running standing very like on at for from by not no without "
     "moving slowly quickly into through him them over under after before"
 )
-SELDOM = word_set(  # English words that prompts use, one letter off the library's
-    "footfall footstep clasping stooping bandaged bounding overhear paunch platter bridle skulking poplar trouser shackles"
-)
 _SHARED = word_set("a an in on man y o z of do no me")  # English words, or too short to tell
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
 from runtime.prompts.english.segments import with_commas
-from runtime.prompts.english.sides import OPPOSITE, name_sides, only_side
+from runtime.prompts.english.sides import OPPOSITE, Known, name_sides, only_side
 from runtime.prompts.english.words import continuous, word_set
 from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
@@ -29,10 +29,10 @@ class ParsedPrompt:
     side: str = ""
 
 
-def parse_clauses(prompt: str) -> ParsedPrompt:
-    """Split the statements about body parts off a prompt; several about one part are joined."""
+def parse_clauses(prompt: str, known: Known = lambda _: False) -> ParsedPrompt:
+    """Split the statements about body parts off a prompt; several about one part are joined. `known`: see `name_sides`."""
     rules = grammar()
-    text, hand = name_sides(_plain(prompt))
+    text, hand = name_sides(_plain(prompt), known)
     pieces = rules["separators"].split(with_commas(text))
     leg = only_side(match["side"] for match in rules["sided_leg"].finditer(text)) or "right"
     parts: dict[str, str] = {}
@@ -194,13 +194,7 @@ def _joined(old: str | None, new: str) -> str:
     return joined if len(joined) <= MAX_CHARACTERS else new
 
 
-_EVERY_STEP = re.compile(r"^(?:(?:he|she|they|it|and) )*(?:with|at|on) (?:every|each|all) steps?$")
-
-
 def _tidy(rest: str) -> str:
     rest = re.sub(r"\s+", " ", rest).strip(" ,;.:!?-")
-    rest = _EVERY_STEP.sub("", rest)
-    rest = re.sub(
-        r"(?:(?:^|\s+)(?:and|with|while|but|whose|who|is|has|in|on|the|a|his|her|their))+$", "", rest
-    )
+    rest = grammar()["loose_end"].sub("", grammar()["every_step"].sub("", rest))
     return re.sub(r"^(?:and|with|while|but)\s+", "", rest)

@@ -30,7 +30,7 @@ class Grammar:
     """The rules of clauses.toml: `groups` by name, `phrases` (pattern, group of the action, what is looked up), and relations.
 
     Relations are patterns with their replacement, with {side}, {other} and the pattern's groups. `before` are applied
-    before the limbs have sides, `after` later.
+    before the limbs have sides, `after` later, `things` where the library does not know the thing itself.
     """
 
     def __init__(self, file: dict[str, Any]) -> None:
@@ -40,9 +40,9 @@ class Grammar:
         self._patterns["NOUNS"] = "|".join(file[name]["nouns"] for name in names)
         self.groups = {name: self._group(**file[name]) for name in names}
         self.phrases = [(self._compiled(p), (target, words)) for p, target, words in file["phrases"]["rules"]]
-        self.before, self.after = (
+        self.before, self.after, self.things = (
             [(self._compiled(pattern), words) for pattern, words in file["relations"][key]]
-            for key in ("before", "after")
+            for key in ("before", "after", "things")
         )
         self._found: dict[str, re.Pattern[str]] = {}
 

@@ -28,6 +28,7 @@ from runtime.prompts.english.compose import (
     with_figure,
     words_of_parts,
 )
+from runtime.prompts.english.grammar import grammar
 from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
 from runtime.prompts.english.sides import OPPOSITE, named_side
@@ -132,7 +133,7 @@ class LibraryExpander:
         return self._near(self._rank(check_prompt(text)))
 
     def _expand_english(self, prompt: str) -> Expansion:
-        parsed = parse_clauses(plain_denials(prompt))
+        parsed = parse_clauses(plain_denials(prompt), self._knows_thing)
         parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
         words = words_of(parsed.rest)
         if any(word.says for word in words):
@@ -141,6 +142,11 @@ class LibraryExpander:
         note = "" if parsed.parts else "The prompt names no style: neutral."
         expansion = self._neutral((), parsed.parts, note)
         return replace(expansion, source="explicit") if parsed.parts else expansion
+
+    def _knows_thing(self, text: str) -> bool:
+        """Return whether one of the library's phrases holds the last word of a text: the "cart" of "pushing the cart"."""
+        words = words_of(text)
+        return any(e.end == len(words) for e in read_phrases(words, self._library.phrases).elements)
 
     def _expand_rest(self, parsed: ParsedPrompt, words: list[Word]) -> Expansion:
         """Return what a prompt says beyond its clauses: by its phrases, by the nearest entries, or nothing."""
@@ -351,7 +357,9 @@ class LibraryExpander:
             raise FileError(f"{self._path}: has no entry of the style 'neutral'.", "Restore the file.")
         plain = [i for i, style in enumerate(names) if style.startswith(NEUTRAL_STYLE)]
         phrases = PhraseIndex(content)
-        spelling = Spelling(phrases.known | ENGLISH, embeddings.other_words)
+        spelling = Spelling(
+            phrases.known | ENGLISH, (*embeddings.other_words, *grammar()["seldom"].pattern.split("|"))
+        )
         return _Library(content, embeddings, phrases, spelling, names.index(NEUTRAL_STYLE), plain)
 
     @cached_property

@@ -83,7 +83,8 @@ class PhraseIndex:
         for text, number in named:
             words = words_of(text)
             self._whole.setdefault(key(words), number)
-            if len(words) <= LONGEST and self._names_a_way(words, library.entries[number]):
+            plain_walk = library.entries[number].style.startswith(NEUTRAL_STYLE)
+            if len(words) <= LONGEST and (_says(words) or (len(words) > 1 and not plain_walk)):
                 self._phrases.setdefault(tuple(word.stem for word in words), number)
         for number, entry in enumerate(library.entries):  # what is named in so many words comes first
             self._whole.setdefault(key(without_person(words_of(entry.prompt))), number)
@@ -91,11 +92,6 @@ class PhraseIndex:
         # English words for sure
         texts = [*dict(named), *described, *library.nothing]
         self.known = distinct_words(texts) | finite_forms().keys()
-
-    @staticmethod
-    def _names_a_way(words: list[Word], entry: LibraryEntry) -> bool:
-        plain_walk = entry.style.startswith(NEUTRAL_STYLE)
-        return _says(words) or (len(words) > 1 and not plain_walk)
 
     def only_alone(self, words: list[Word]) -> bool:
         """Return whether the prompt is a single word that names an entry only when it stands alone."""

@@ -21,7 +21,7 @@ def with_commas(text: str) -> str:
         if start is not None and text[begin : begin + start].strip():
             starts.append(begin + start)
     clauses = [text[a:b].strip() for a, b in zip(starts, [*starts[1:], len(text)], strict=True)]
-    return rules["same_subject"].sub(_with_subject, "\n".join(clauses))
+    return rules["same_subject"].sub(r"\g<clause>\n\g<subject> \g<what>", "\n".join(clauses))
 
 
 def _last_comma(text: str, end: int) -> int:
@@ -95,7 +95,3 @@ def _is_subject(before: str, noun: Match, match: Match) -> bool:
         return False
     described = rules["any_verb"].fullmatch(earlier.rpartition(" ")[2])
     return not described or rules["of_part"].fullmatch(f"{noun['noun']} {match.group()}") is not None
-
-
-def _with_subject(match: Match) -> str:
-    return f"{match['clause']}\n{match['subject']} {match['what']}"

@@ -10,7 +10,7 @@ Words of relations that stand for one action (weight, injuries, loads) are rules
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 
 from runtime.prompts.english.grammar import Match, grammar, replaced
@@ -18,16 +18,16 @@ from runtime.prompts.english.grammar import Match, grammar, replaced
 SIDE = re.compile(r"\b(?:left|right)\b")
 OPPOSITE = {"left": "right", "right": "left"}
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
-_EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
-_OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
+Known = Callable[[str], bool]  # whether the library knows what is done with a thing
 _DEFINITE = ("the", "his", "her", "their", "its")
 _OWNERS = ("a", "his", "her", "their")  # of the left hand of a left-handed person
 
 
-def name_sides(prompt: str) -> tuple[str, str]:
+def name_sides(prompt: str, known: Known) -> tuple[str, str]:
     """Return a lower-case prompt with a side before each limb, and the preferred or carrying side ("left-handed") or "".
 
-    A single limb without any hint of its side is unchanged; it is later read as the right one.
+    A single limb without any hint of its side is unchanged; it is later read as the right one. What is done with a thing is
+    replaced unless it is `known`.
     """
     rules = grammar()
     handed = rules["handed"].search(prompt)
@@ -38,11 +38,16 @@ def name_sides(prompt: str) -> tuple[str, str]:
     text = _Limbs(text, hand).named()
     for _ in range(2):  # the words of one relation may hold another
         text = replaced(text, rules.after, partial(_relation, hand=hand, sides=[]))
+    text = replaced(text, rules.things, partial(_relation, hand=hand, sides=[], known=known))
     return text, hand or "".join(sides[:1])
 
 
-def _relation(match: Match, words: str, hand: str, sides: list[str]) -> str | None:
+def _relation(
+    match: Match, words: str, hand: str, sides: list[str], known: Known | None = None
+) -> str | None:
     """Return the words that a relation stands for, with its side, the other side, and what else the pattern names."""
+    if known and (known(match.group()) or grammar()["of_arm"].search(match.string[: match.start()])):
+        return None
     values = {name: value or "" for name, value in match.groupdict().items()}
     side = values.get("side") or values.get("side_2") or hand
     if "{side}" in words and not side:
@@ -102,7 +107,7 @@ class _Limbs:
         if bare:
             if match["whose"] in (None, "the ") and not (self._spoken and self._side != bare):
                 return match.group()
-            if not self._spoken and _OF_LEGS.match(self._text, match.end()):
+            if not self._spoken and grammar()["of_legs"].match(self._text, match.end()):
                 self._noun = "leg"
         self._side = match["one"] or bare or OPPOSITE[self._side]
         return f"{self._side} {self._noun}"
@@ -139,7 +144,8 @@ class _Limbs:
         return self._side_of_owner(match, "".join(owners[-1:]), is_arm)
 
     def _side_of_owner(self, match: Match, owner: str, is_arm: bool) -> str:
-        if self._spoken and match["noun"] == self._noun and owner in _DEFINITE:
+        joint = grammar()["joint"].fullmatch(f"{self._noun} {match['noun']}")
+        if self._spoken and (joint or (match["noun"] == self._noun and owner in _DEFINITE)):
             return self._side  # "pain in the left knee, so the knee stays straight"
         hand = self._hand if is_arm and owner in _OWNERS else ""
         return self._side_of_place(match.end()) or hand or self._left_over(match.end(), is_arm)
@@ -152,7 +158,7 @@ class _Limbs:
     def _side_of_one(self, match: Match, is_arm: bool) -> str:
         """Return the side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""
         after = match.end()
-        if _EACH_OTHER.match(self._text, after):
+        if grammar()["each_other"].match(self._text, after):
             return ""
         place = self._side_of_place(after)
         if place or is_arm in self._single:

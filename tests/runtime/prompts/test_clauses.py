@@ -39,6 +39,30 @@ def test_clauses_are_said_as_the_networks_were_told(prompt: str, edits: str) -> 
         assert any(parsed.parts[part].startswith(phrase) for phrase in phrases), parsed.parts[part]
 
 
+@pytest.mark.parametrize(
+    ("prompt", "expected"), table(__file__, "what_is_said_plainly_is_said_of_those_parts_alone")
+)
+def test_what_is_said_plainly_is_said_of_those_parts_alone(prompt: str, expected: dict[str, str]) -> None:
+    parts = parse_clauses(prompt).parts
+    assert set(parts) == set(expected)
+    for part, words in expected.items():
+        assert words in parts[part]
+
+
+@pytest.mark.parametrize("prompt", table(__file__, "what_only_sounds_like_a_thing_is_left_as_it_is"))
+def test_what_only_sounds_like_a_thing_is_left_as_it_is(prompt: str) -> None:
+    assert not parse_clauses(prompt).parts
+    assert set(parse_clauses(prompt).rest.split()) <= set(prompt.split())
+
+
+def test_a_thing_that_is_known_is_left_to_the_library() -> None:
+    assert parse_clauses("carrying a samovar").parts
+    assert (
+        parse_clauses("carrying a samovar", lambda text: text.endswith("samovar")).rest
+        == "carrying a samovar"
+    )
+
+
 def test_a_raised_chin_or_look_is_told_by_words_that_show_beside_others() -> None:
     """Of "head raised, chin up" little is left beside folded arms or bent knees."""
     for prompt in ("chin up", "arms crossed, chin raised", "gazing upwards"):

@@ -310,9 +310,10 @@ def _edit_request(state: CharacterState, index: int, joints: Array) -> EditReque
     style, edits, path = state.styles[index].style, state.edits[index], state.trajectory
     shown = path.gait[index, PRESENT]
     gait = 1 if shown[Gait.JOG] > 0.5 else 2 if shown[Gait.CROUCH] > 0.5 else 0
-    left, up, ahead = (joints[NECK] - joints[0]).tolist()
-    lean, aside = degrees(atan2(ahead, up)), degrees(atan2(left, up))
-    folds = style.folds[gait] < inf and edits.trunk.watch(lean, aside, style.folds[gait])
+    fold, folds = style.folds[gait], False
+    if fold < inf:
+        left, up, ahead = (joints[NECK] - joints[0]).tolist()
+        folds = edits.trunk.watch(degrees(atan2(ahead, up)), degrees(atan2(left, up)), fold)
     if not (folds or style.is_edited[gait] or edits.active):
         return None
     x, z = path.velocity[index].tolist()

@@ -140,8 +140,7 @@ class Support(NamedTuple):
 
     airborne: bool = False  # it is thrown, no leg carries it
     patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
-    # of the incoming pose, where they are known, and where they are to stand, if not there
-    incoming: tuple[LegPose, LegPose] | None = None
+    # where they are to stand, if not where the incoming pose has them
     legs: tuple[LegPose, LegPose] | None = None
     over: SteppedOver | None = None  # what the gait itself steps over
     walks: bool = False  # one foot at least is on the ground
@@ -191,7 +190,7 @@ class FootLock:
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
         ground = PointHeights(terrain, y - SETTINGS.ground_under_hips, y + SETTINGS.ground_over_hips)
-        left, right = support.incoming or (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
+        left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
         legs, shown = support.legs or incoming, local_rotations
         if may_be_narrow(ground):

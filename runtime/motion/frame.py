@@ -291,13 +291,14 @@ def _on_feet(
     jump.advance(float(hips[i, 1]), float(state.ground[i]), root)
     if jump.stage:
         hips[i], local[i], contacts[i] = jump.pose(hips[i], local[i], contacts[i], terrain)
-    posed, asked = (hips[i], local[i], contacts[i]), _edit_request(state, i, joints)
-    edited = EditedPose.of(*posed) if asked is None else state.edits[i].apply(*posed, asked)
+    edited = EditedPose(hips[i], local[i], contacts[i])
+    if (asked := _edit_request(state, i, joints)) is not None:
+        edited = state.edits[i].apply(*edited[:3], asked)
     if any(shift):
         edited = edited.moved(shift)
     patience = 1.0 + ADDED_PATIENCE_FRACTION * (1.0 - float(state.settling.fraction[i]))
     walks = even and float(state.trajectory.gait[i, PRESENT, Gait.JOG]) < 0.5
-    support = Support(jump.airborne, patience, edited.incoming, edited.legs, state.traversals[i].over, walks)
+    support = Support(jump.airborne, patience, edited.legs, state.traversals[i].over, walks)
     locked = state.feet[i].apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
     return locked.hips_position, locked.local_rotations
 

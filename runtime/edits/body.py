@@ -30,35 +30,27 @@ _OFFSETS: tuple[Vector, ...] = tuple((float(x), float(y), float(z)) for x, y, z 
 
 
 class EditedPose(NamedTuple):
-    """The edited pose for the foot lock: `hips` (3,), `local` (31, 4), `contacts` (4,), its legs, and legs with feet where they are to stand."""
+    """The edited pose for the foot lock: `hips` (3,), `local` (31, 4), `contacts` (4,), and the edited `legs` or None."""
 
     hips: Array
     local: Array
     contacts: Array
-    incoming: tuple[LegPose, LegPose]
-    legs: tuple[LegPose, LegPose]
-
-    @staticmethod
-    def of(hips: Array, local: Array, contacts: Array) -> EditedPose:
-        """Return a pose that is not edited."""
-        at, rotations = hips.tolist(), np.asarray(local, np.float64).tolist()
-        legs = leg_forward(_BONES[0], at, rotations), leg_forward(_BONES[1], at, rotations)
-        return EditedPose(hips, local, contacts, legs, legs)
+    legs: tuple[LegPose, LegPose] | None = None
 
     def moved(self, by: Vector) -> EditedPose:
         """Return the pose with its hips shifted by `by` (metres) and its feet in place; the hips rise if the legs would bend more."""
-        (east, up, south), (heel, toe, other_heel, other_toe) = by, self.contacts.tolist()
-        ends = [(add(leg.hip, by), leg.ankle) for leg in self.legs]
-        bears = max(heel, toe), max(other_heel, other_toe)
-        return self.carried((east, up + carrying_rise(ends, [span(leg) for leg in self.legs], bears), south))
-
-    def carried(self, by: Vector, rise: float = 0.0) -> EditedPose:
-        """Return the pose with its hips shifted by `by` and raised by `rise` (metres), the latter with its feet."""
-        (east, up, south), (left, right), (left_stands, right_stands) = by, self.incoming, self.legs
-        whole = east, rise + up, south
-        came = left.moved(whole), right.moved(whole)
-        legs = left_stands.moved(by, True), right_stands.moved(by, True)
-        return self._replace(hips=np.array(add(self.hips.tolist(), whole)), incoming=came, legs=legs)
+        east, up, south = by
+        x, y, z = (float(v) for v in self.hips)
+        rotations = np.asarray(self.local, np.float64).tolist()
+        left, right = self.legs or (leg_forward(bones, (x, y, z), rotations) for bones in _BONES)
+        heel, toe, other_heel, other_toe = self.contacts.tolist()
+        ends, bears = (
+            [(add(leg.hip, by), leg.ankle) for leg in (left, right)],
+            (max(heel, toe), max(other_heel, other_toe)),
+        )
+        up += carrying_rise(ends, (span(left), span(right)), bears)
+        legs = _under(left, (east, up, south)), _under(right, (east, up, south))
+        return self._replace(hips=np.array((x + east, y + up, z + south)), legs=legs)
 
 
 @dataclass
@@ -76,21 +68,23 @@ class BodyEdits:
 
     def apply(self, hips: Array, local: Array, contacts: Array, request: EditRequest) -> EditedPose:
         """Return the pose with what its prompt asks for added; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
-        x, y, z = hips.tolist()
-        chances, targets, rise = np.asarray(contacts, np.float64).tolist(), request.targets, 0.0
-        posed = EditedPose.of(hips, local, contacts)
+        x, y, z = (float(v) for v in hips)
+        rotations, chances = np.asarray(local, np.float64).tolist(), np.asarray(contacts, np.float64).tolist()
+        targets = request.targets
+        left, right = (leg_forward(bones, (x, y, z), rotations) for bones in _BONES)
         ahead = (sin(request.yaw), 0.0, cos(request.yaw))
-        strides = [dot(subtract(leg.ankle, (x, y, z)), ahead) for leg in posed.legs[::-1]]
+        strides = [dot(subtract(leg.ankle, (x, y, z)), ahead) for leg in (right, left)]
+        rise = 0.0
         if self.legs.active or any(asks(leg[: len(LEG)]) for leg in targets[:2]):
-            rise, (left, right) = self.legs.apply(y, posed.legs, chances, request)
-            posed = posed._replace(legs=(left, right))
+            rise, (left, right) = self.legs.apply(y, (left, right), chances, request)
         elif self.legs.height:
             self.legs = LegEdit()  # what is asked for later is measured anew
         east, up, south, local = self.trunk.apply((x, y, z), local, request)
         moved = (x + east, y + rise + up, z + south)
         if any(arm.active or asks(row) for arm, row in zip(self.arms, targets[ROW_ARMS:], strict=True)):
             local = self._with_arms(moved, local, strides, request)
-        return posed._replace(local=local, contacts=np.array(chances)).carried((east, up, south), rise)
+        legs = (_under(left, (east, up, south)), _under(right, (east, up, south)))
+        return EditedPose(np.array(moved), local, np.array(chances), legs)
 
     def _with_arms(self, hips: Vector, local: Array, strides: list[float], request: EditRequest) -> Array:
         rotations: list[Quaternion] = [tuple(q) for q in local.tolist()]
@@ -132,3 +126,8 @@ def _arm(chest: Axes, sign: float, joints: tuple[int, ...], rotations: list[Quat
     lower = multiply(upper, rotations[elbow])
     wrist = add(middle, rotate(lower, _OFFSETS[hand]))
     return ArmPose(sign, base, upper, lower, rotations[hand], at, middle, wrist)
+
+
+def _under(leg: LegPose, by: Vector) -> LegPose:
+    """The leg under hips that have moved by metres over a foot that stays."""
+    return LegPose(*leg[:4], add(leg.hip, by), add(leg.knee, by), *leg[6:])

@@ -140,8 +140,7 @@ class Support(NamedTuple):
 
     airborne: bool = False  # it is thrown, no leg carries it
     patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
-    # of the incoming pose, where they are known, and where they are to stand, if not there
-    incoming: tuple[LegPose, LegPose] | None = None
+    # where they are to stand, if not where the incoming pose has them
     legs: tuple[LegPose, LegPose] | None = None
     over: SteppedOver | None = None  # what the gait itself steps over
     walks: bool = False  # one foot at least is on the ground
@@ -192,7 +191,7 @@ class FootLock:
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
         ground = PointHeights(terrain, y - SETTINGS.ground_under_hips, y + SETTINGS.ground_over_hips)
-        left, right = support.incoming or (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
+        left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
         legs, shown = support.legs or incoming, local_rotations
         if may_be_narrow(ground):
@@ -241,27 +240,21 @@ class FootLock:
     ) -> tuple[list[SpannedFoot], float]:
         """Return the feet as far as their legs reach and knees can follow, and the metres that the hips sink for it."""
         drop = -self.pelvis.offset
-        targets = [
-            ankle_target(foot.bones, foot.rotation, leg, foot.ankle, drop, ground)
-            for foot, leg in zip(self.feet, legs, strict=True)
+        ends = []
+        for foot, knee, leg, came in zip(self.feet, self.knees, legs, incoming, strict=True):
+            target = ankle_target(foot.bones, foot.rotation, leg, foot.ankle, drop, ground)
+            hip = came.raised(-drop)
+            reach = knee.follow(came, hip, target, foot.bones, dt, not foot.anchor, least_bend)
+            ends.append((foot, hip, target, reach))
+        reached = [
+            spanned_foot(f.bones, f.rotation, hip, target, reach, ground) for f, hip, target, reach in ends
         ]
-        hips = [leg.raised(-drop) for leg in incoming]
-        each = list(zip(self.feet, self.knees, incoming, hips, targets, strict=True))
-        reaches = [
-            knee.follow(leg, hip, target, foot.bones, dt, not foot.anchor, least_bend)
-            for foot, knee, leg, hip, target in each
-        ]
-
-        def feet_with(hips: list[Vector]) -> list[SpannedFoot]:
-            return [
-                spanned_foot(foot.bones, foot.rotation, hip, target, reach, ground)
-                for foot, hip, target, reach in zip(self.feet, hips, targets, reaches, strict=True)
-            ]
-
-        reached = feet_with(hips)
         room = self.pelvis.make_room([end.depth for end in reached], dt)
         if room > 0.0:
-            reached = feet_with([(x, y + room, z) for x, y, z in hips])
+            reached = [
+                spanned_foot(foot.bones, foot.rotation, (x, y + room, z), target, reach, ground)
+                for foot, (x, y, z), target, reach in ends
+            ]
         return reached, drop - room
 
     def _bend_legs(

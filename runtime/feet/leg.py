@@ -58,11 +58,6 @@ class LegPose(NamedTuple):
     ankle: Vector
     toe: Vector
 
-    def moved(self, by: Vector, stands: bool = False) -> LegPose:
-        """Return the leg under hips that have moved by `by` (metres), over a foot that goes along or `stands`."""
-        ankle, toe = (self.ankle, self.toe) if stands else (add(self.ankle, by), add(self.toe, by))
-        return LegPose(*self[:4], add(self.hip, by), add(self.knee, by), ankle, toe)
-
     def raised(self, metres: float) -> Vector:
         """Return the hip position with the body raised."""
         return self.hip[0], self.hip[1] + metres, self.hip[2]

@@ -272,7 +272,7 @@ class StrideBalance:
 
     def _missing(self, terms: Array, velocities: Sequence[complex]) -> list[complex]:
         """Return the metres along and across the path that terms `(N, 9)` make of what is usual and what is learnt."""
-        squares = np.array([min(abs(each), MAX_USUAL_SPEED_M_PER_S) ** 2 for each in velocities])
+        squares = np.array([min(_square(each), MAX_USUAL_SPEED_M_PER_S**2) for each in velocities])
         made = terms[:, None] @ (self.errors + squares[:, None, None] * _USUAL)
         return made.view(complex)[:, 0, 0].tolist()
 
@@ -292,8 +292,8 @@ def _error(fitted: Sequence[Sequence[float]], points: Sequence[complex], stands:
     if any(stands):
         zero_moment = complex(place[0], place[2]) - error / weight
         lines = _LINES[stands[0] > 0.5, stands[1] > 0.5]
-        lacks = min((_to_line(zero_moment, points[start], points[end]) for start, end in lines), key=abs)
-        error = max(1.0 - MARGIN_M / max(abs(lacks), MIN_DIVISOR), 0.0) * weight * lacks
+        lacks = min((_to_line(zero_moment, points[start], points[end]) for start, end in lines), key=_square)
+        error = max(1.0 - MARGIN_M / max(sqrt(_square(lacks)), MIN_DIVISOR), 0.0) * weight * lacks
     x, z = (min(max(each, -MAX_ERROR_M), MAX_ERROR_M) for each in (error.real, error.imag))
     return complex(x, z)
 
@@ -301,7 +301,7 @@ def _error(fitted: Sequence[Sequence[float]], points: Sequence[complex], stands:
 def _to_line(point: complex, start: complex, end: complex) -> complex:
     """Return the way from a point to the nearest one on a line between two others."""
     line, there = end - start, point - start
-    part = (there * line.conjugate()).real / max((line * line.conjugate()).real, MIN_DIVISOR)
+    part = (there * line.conjugate()).real / max(_square(line), MIN_DIVISOR)
     return min(max(part, 0.0), 1.0) * line - there
 
 
@@ -313,13 +313,18 @@ def _terms(phases: Sequence[float]) -> Array:
 
 def _direction(velocity: complex) -> complex:
     """Return a velocity over its speed; 0 of one that is 0."""
-    return velocity / max(abs(velocity), MIN_SIZE)
+    return velocity / max(sqrt(_square(velocity)), MIN_SIZE)
+
+
+def _square(value: complex) -> float:
+    """Return the squared size of a complex number."""
+    return value.real * value.real + value.imag * value.imag
 
 
 def _limited(value: complex, most: float) -> complex:
     """Return a value either part of which is `most` at most, nearly as it was where it is small."""
-    x, z = (each / sqrt(1.0 + (each / most) ** 2) for each in (value.real, value.imag))
-    return complex(x, z)
+    x, z = value.real / most, value.imag / most
+    return complex(value.real / sqrt(1.0 + x * x), value.imag / sqrt(1.0 + z * z))
 
 
 def _pairs(values: Sequence[complex]) -> Array:

@@ -293,14 +293,15 @@ def _on_feet(
     jump.advance(float(hips[i, 1]), float(state.ground[i]), root)
     if jump.stage:
         hips[i], local[i], contacts[i] = jump.pose(hips[i], local[i], contacts[i], terrain)
-    posed, asked = (hips[i], local[i], contacts[i]), _edit_request(state, i, joints)
-    edited = EditedPose.of(*posed) if asked is None else state.edits[i].apply(*posed, asked)
+    edited = EditedPose(hips[i], local[i], contacts[i])
+    if (asked := _edit_request(state, i, joints)) is not None:
+        edited = state.edits[i].apply(*edited[:3], asked)
     if any(shift):
         edited = edited.moved(shift)
     patience = 1.0 + ADDED_PATIENCE_FRACTION * (1.0 - float(state.settling.fraction[i]))
     jogs = float(state.trajectory.gait[i, PRESENT, Gait.JOG])
     over, walks, bend = state.traversals[i].over, even and jogs < 0.5, jogs * JOGGING_KNEE_RAD
-    support = Support(jump.airborne, patience, edited.incoming, edited.legs, over, walks, bend)
+    support = Support(jump.airborne, patience, edited.legs, over, walks, bend)
     locked = state.feet[i].apply(edited.hips, edited.local, edited.contacts, terrain, DT, support)
     return locked.hips_position, locked.local_rotations
 
@@ -313,9 +314,10 @@ def _edit_request(state: CharacterState, index: int, joints: Array) -> EditReque
     style, edits, path = state.styles[index].style, state.edits[index], state.trajectory
     shown = path.gait[index, PRESENT]
     gait = 1 if shown[Gait.JOG] > 0.5 else 2 if shown[Gait.CROUCH] > 0.5 else 0
-    left, up, ahead = (joints[NECK] - joints[0]).tolist()
-    lean, aside = degrees(atan2(ahead, up)), degrees(atan2(left, up))
-    folds = style.folds[gait] < inf and edits.trunk.watch(lean, aside, style.folds[gait])
+    fold, folds = style.folds[gait], False
+    if fold < inf:
+        left, up, ahead = (joints[NECK] - joints[0]).tolist()
+        folds = edits.trunk.watch(degrees(atan2(ahead, up)), degrees(atan2(left, up)), fold)
     if not (folds or style.is_edited[gait] or edits.active):
         return None
     x, z = path.velocity[index].tolist()

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import cos, dist
+from math import cos
 
 import numpy as np
 
@@ -159,8 +159,8 @@ class Settling:
         `joints` and those of the last frame are `(N, 31, 3)`, relative to the root. `free`: nothing is requested of the body,
         so it may come to rest; `still`: it has reached its requested place; `grounded`: both feet stand where they may stay.
         """
-        places = zip(joints.take(WATCHED, 1).tolist(), before.take(WATCHED, 1).tolist(), strict=True)
-        speeds = [[FPS * moved for moved in map(dist, *each)] for each in places]
+        moved = joints.take(WATCHED, 1) - before.take(WATCHED, 1)
+        speeds = (np.sqrt(np.add.reduce(moved * moved, -1)) * FPS).tolist()
         usual, fractions = self.usual.tolist(), self.fraction.tolist()
         waits, rates = self.waited.tolist(), []
         for i, (speed, was) in enumerate(zip(speeds, fractions, strict=True)):

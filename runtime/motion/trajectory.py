@@ -71,7 +71,7 @@ def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
 def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array) -> Array:
     """Return what remains of a difference `missing` (0 or more) after a time: exponential above `reach`, then linear to 0."""
     t = after / seconds
-    if all((missing <= reach).ravel().tolist()):
+    if not np.count_nonzero(missing > reach):
         return np.maximum(missing - reach * t, 0.0)
     fast = np.log(np.maximum(missing / reach, 1.0))  # in units of `seconds`
     slow = np.minimum(missing, reach) - reach * (t - fast)

@@ -57,8 +57,8 @@ def walk(targets: Array, yaw: float = 0.0, width: float = 0.1, height: float = 0
         posed = ik.solve_legs(hips, local, feet)
         request = EditRequest(targets.tolist(), yaw, (1.2 * x, 1.2 * z), 0.0)
         # no foot is held: what is shown is what is asked for
-        edited = edits.apply(hips, posed, np.zeros(4), request)
-        shown = lock.apply(*edited[:3], FLAT, DT, Support(legs=edited.legs))
+        *edited, legs = edits.apply(hips, posed, np.zeros(4), request)
+        shown = lock.apply(*edited, FLAT, DT, Support(legs=legs))
         found.append(SPORT_SKELETON.forward_kinematics(shown.hips_position, shown.local_rotations)[0])
     return np.array(found)[-61:]
 

@@ -49,7 +49,7 @@ def sway(
         posed, legs = (hips, local, np.ones(4)), None
         if targets is not None:
             request = EditRequest(targets.tolist(), yaw, (0.0, 0.0), 0.0)
-            *posed, _, legs = edits.apply(*posed, request)
+            *posed, legs = edits.apply(*posed, request)
         result = lock.apply(*posed, FLAT, DT, Support(legs=legs))
         found.append(SPORT_SKELETON.forward_kinematics(result.hips_position, result.local_rotations))
     return np.stack([each[0] for each in found]), np.stack([each[1] for each in found])

@@ -29,6 +29,7 @@ from runtime.skeleton import PART_NAMES
 MAX_BYTES = 8_000_000
 NEUTRAL_STYLE = "neutral"
 RIDGE_WEIGHT = 10.0
+EMBEDDED_NAMES = 20  # of an entry; its other names are only read word for word
 
 
 @dataclass(frozen=True)
@@ -157,8 +158,8 @@ def library_hash(library: PromptLibrary) -> str:
 
 
 def embed_library(library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEmbeddings:
-    """Compute the embeddings of all prompts and descriptions, which takes some seconds for some hundred entries."""
-    named = [(text, i) for i, entry in enumerate(library.entries) for text in (entry.prompt, *entry.also)]
+    """Compute the embeddings of names and descriptions, which takes some seconds for some hundred entries."""
+    named = [(t, i) for i, e in enumerate(library.entries) for t in (e.prompt, *e.also)[:EMBEDDED_NAMES]]
     prompts = encoder.encode([text for text, _ in named])
     return LibraryEmbeddings(
         prompts,
@@ -230,13 +231,12 @@ def load_embeddings(path: Path, library: PromptLibrary, encoder: TextEncoderLike
 def vectors_as_bytes(vectors: NDArray[np.float32]) -> NDArray[np.int8]:
     """Return unit vectors `(..., D)` quantised to int8, each scaled by its largest component."""
     largest = np.abs(vectors).max(axis=-1, keepdims=True, initial=1e-9)
-    return np.round(vectors / largest * 127).astype(np.int8)
+    return np.round(vectors / largest * 63).astype(np.int8)
 
 
 def unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
     """Return the unit vectors `(..., D)` that were quantised by `vectors_as_bytes`."""
-    vectors = stored.astype(np.float32)
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1.0), np.float32)
+    return np.asarray(stored / np.maximum(np.linalg.norm(stored, axis=-1, keepdims=True), 1.0), np.float32)
 
 
 def read_object(path: Path) -> dict[str, Any]:

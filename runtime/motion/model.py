@@ -63,7 +63,7 @@ def drifting_noise(
 KINDS = "sport.models"  # entry points of other kinds of model: a class with the interface of `MotionModel`
 ARM_PARTS = 2  # of the six come first
 # strength of a code that no captured style is near: drawn out wholly, words that were never captured together take a body out
-# of balance (of 60 such walks 57 pass physics in place of 54); what they ask is shown by edits too
+# of balance, and what they ask is shown by edits too
 COMPOSED_STRENGTH = 0.85
 LISTS = 8  # of styles that are kept stacked: two calls of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0

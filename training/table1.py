@@ -31,8 +31,15 @@ from training.evaluation.experiment import PLAN, Arguments, Experiment, Setting,
 from training.evaluation.metrics.features import joined
 from training.evaluation.metrics.frechet import compare
 from training.evaluation.motion.capture import OVERALL_COMPONENTS, EvaluationPlan
-from training.evaluation.motion.evaluated_model import EvaluatedModel
-from training.evaluation.motion.scores import score_following, score_held_out, score_model
+from training.evaluation.motion.evaluated_model import EvaluatedModel, count_parameters, frame_times
+from training.evaluation.motion.scores import (
+    score_courses,
+    score_diversity,
+    score_following,
+    score_held_out,
+    score_terrain,
+    score_transitions,
+)
 from training.evaluation.motion.tables import mean, mean_skating
 from training.markdown import number, percent, table
 
@@ -93,19 +100,20 @@ def model_of(setting: Setting, row: TableRow | None, seed: int) -> Path | None:
     return folder if (folder / "metadata.json").is_file() else None
 
 
-def cells_of(scores: dict[str, Any]) -> Cells:
-    """The columns of the table out of the scores of one model."""
-    following = scores["following"]
-    courses = [c for gaits in scores["courses"].values() for c in gaits.values()]
+def cells_of(plan: EvaluationPlan, evaluated: EvaluatedModel) -> Cells:
+    """The columns of the table for one model: it walks no more than they need."""
+    following = score_following(plan, evaluated)
+    courses = score_courses(plan, evaluated, rough=False)
+    flat = [gait["flat"]["after"] for gaits in courses.values() for gait in gaits.values()]
     cells = {f"fmd_{name}": found["takes"]["distance"] for name, found in following["fmd"].items()}
     return cells | {
-        "skating_formula": mean([c["flat"]["after"]["toes"] for c in courses]),
-        "skating_soles": mean([c["flat"]["after"]["soles"] for c in courses]),
-        "diversity": scores["diversity"]["temperature_1"],
-        "ms": scores["runtime"]["network_ms"],
-        "parameters": scores["parameters"] / 1e6,
-        "terrain": mean([t["sunk_sole_p99"] for t in scores["terrain"].values()]),
-        "transitions": scores["transitions"].get("ratio", float("nan")),
+        "skating_formula": mean([skating["toes"] for skating in flat]),
+        "skating_soles": mean([skating["soles"] for skating in flat]),
+        "diversity": score_diversity(plan, evaluated, (1.0,))["temperature_1"],
+        "ms": frame_times(evaluated.model)["network_ms"],
+        "parameters": count_parameters(evaluated.model.metadata) / 1e6,
+        "terrain": mean([t["sunk_sole_p99"] for t in score_terrain(plan, evaluated).values()]),
+        "transitions": score_transitions(plan, evaluated).get("ratio", float("nan")),
         **_recognised(following["recognition"]["score"]),
     }
 
@@ -129,13 +137,18 @@ def capture_cells(plan: EvaluationPlan) -> Cells:
 
 
 def table_one(setting: Setting) -> dict[str, Any]:
-    """Measure what is not in the store yet, every row with the first seed, then with the others; all cells by row and seed."""
+    """Measure what is not in the store yet, every row with the first seed, then with the others; all cells by row and seed.
+
+    The store is read again for each row: other commands may fill it at the same time, each with its own seeds.
+    """
     args, options = setting.args, _options(setting)
     store = args.store or (None if args.runs is None else args.runs / "table1.json")
     kept = {"options": options, "cells": _stored(store, options)}
     for seed in args.seeds:
         plan = None  # made when the first row needs it
         for title, row in _rows(args):
+            if store is not None:
+                kept["cells"] = _stored(store, options)
             if str(seed) in kept["cells"].get(title, {}):
                 continue
             folder = model_of(setting, row, seed)
@@ -144,6 +157,8 @@ def table_one(setting: Setting) -> dict[str, Any]:
             log.info(f"{title}, seed {seed}")
             plan = plan or plan_of(setting, seed)
             cells = _scored(plan, None if title == CAPTURE else folder)
+            if store is not None:
+                kept["cells"] = _stored(store, options)
             kept["cells"].setdefault(title, {})[str(seed)] = cells
             if store is not None:
                 write_atomic(store, json.dumps(kept, indent=1) + "\n")
@@ -160,7 +175,7 @@ def _scored(plan: EvaluationPlan, folder: Path | None) -> Cells:
     """Of a model, or of the capture itself where there is none."""
     if folder is None:
         return capture_cells(plan)
-    return cells_of(score_model(plan, EvaluatedModel(folder, plan.texts)))
+    return cells_of(plan, EvaluatedModel(folder, plan.texts))
 
 
 def _options(setting: Setting) -> dict[str, Any]:

@@ -115,7 +115,7 @@ def run_stage3(session: Session, data: MotionData, module: Generator, length: St
     return module.eval()
 
 
-VARIANCE_BATCHES = 48  # of 1024 frames, each with its noise and the opposite of it
+VARIANCE_BATCHES = 12  # of 1024 frames, each with its noise and the opposite of it
 
 
 @torch.no_grad()

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -132,9 +132,15 @@ def clip_values(folder: Path, names: Sequence[str]) -> list[Array]:
 
     FileError of numpy's where a clip is missing. Signs survive: what changes its sign in the mirror image has mean 0.
     """
-    with ProcessPoolExecutor() as pool:
-        rows = list(pool.map(partial(_measured, folder), names, chunksize=64))
+    rows = _all_measured(folder, tuple(names))
     return [_standardised(np.array([row[k] for row in rows]), part) for k, part in enumerate(PART_NAMES)]
+
+
+@cache
+def _all_measured(folder: Path, names: tuple[str, ...]) -> list[list[tuple[float, ...]]]:
+    """Kept, because it takes minutes and several rows of Table I ask for it in one process."""
+    with ProcessPoolExecutor() as pool:
+        return list(pool.map(partial(_measured, folder), names, chunksize=64))
 
 
 def _standardised(values: Array, part: str) -> Array:

@@ -22,7 +22,7 @@ from training.evaluation.motion.capture import (
     make_plan,
     read_capture,
 )
-from training.evaluation.motion.driving import RingWalk, follow, replay, requests_of, run_ring
+from training.evaluation.motion.driving import RingWalk, Take, follow, replay, requests_of, run_ring
 from training.evaluation.motion.evaluated_model import style_texts
 from training.evaluation.motion.scores import score_held_out, score_model
 from training.evaluation.motion.tables import check, markdown
@@ -127,7 +127,7 @@ def test_following_goes_where_the_clip_goes_at_its_time(clips):
     requests = requests_of(clip, lead_in=60)
     assert len(requests.xz) == len(clip) + 60
     assert np.diff(requests.xz[:61, 1]) == pytest.approx(np.full(60, requests.velocity[0, 1] / 60))
-    made = follow(WalkerModel(), clip, Z)
+    (made,) = follow(WalkerModel(), [Take(clip, Z)])
     assert (len(made), made.style, made.source) == (len(clip), "neutral", "generated")
     assert np.linalg.norm(made.positions[:, 0] - clip.positions[:, 0], axis=-1).max() < 0.35
     assert made.unlocked.shape == made.positions.shape
@@ -135,7 +135,7 @@ def test_following_goes_where_the_clip_goes_at_its_time(clips):
 
 def test_a_network_that_fails_stops_the_evaluation(clips):
     with pytest.raises(SportError, match="not finite"):
-        follow(WalkerModel(broken_at=150), load_motion(clips / "a_1.npz"), Z)
+        follow(WalkerModel(broken_at=150), [Take(load_motion(clips / "a_1.npz"), Z)])
 
 
 def test_courses_stay_on_the_ring():
@@ -147,15 +147,16 @@ def test_courses_stay_on_the_ring():
 
 def test_replay_takes_the_clips_controls_and_seeds_matter_only_with_temperature(clips):
     clip = load_motion(clips / "a_1.npz").cut(0, 60)
-    runs = {(t, s): replay(NoisyWalker(), clip, Z, s, t, 20) for t in (0.0, 1.0) for s in (1, 2)}
-    assert runs[0.0, 1].shape == (40, 31, 3)
-    assert np.array_equal(runs[0.0, 1], runs[0.0, 2])
-    assert not np.array_equal(runs[1.0, 1], runs[1.0, 2])
+    takes = [Take(clip, Z, seed) for seed in (1, 2)]
+    runs = {t: replay(NoisyWalker(), takes, t, 20) for t in (0.0, 1.0)}
+    assert runs[0.0][0].shape == (40, 31, 3)
+    assert np.array_equal(*runs[0.0])
+    assert not np.array_equal(*runs[1.0])
     seen = []
     model = WalkerModel()
     step = model.step
     model.step = lambda x, noise, style: (seen.append(x[0]), step(x, noise, style))[1]
-    replay(model, clip, Z, 1, 0.0, 20)
+    replay(model, [Take(clip, Z)])
     frames = clip_frames(clips / "a_1.npz")
     # t^p and t^d of the clip
     assert np.abs(seen[50][:48] - frames.x[50][:48].astype(np.float32)).max() < 0.02

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,34 +108,36 @@ def characters(
 def walked(
     members: Sequence[Controller],
     sticks: Stick | Sequence[Stick],
-    frames: int,
+    frames: int | Sequence[int],
     until: Callable[[Controller], bool] = lambda member: False,
 ) -> list[Track]:
-    """Tracks of characters of one model and ground, by one stick or each by its own, in half of the time of each alone.
+    """Tracks of characters of one model, by one stick or each by its own, in half of the time of each alone.
 
-    They end after so many frames, or when `until` is true of all. SportError when the network fails.
+    They end after so many frames, one number or each its own, or when `until` is true of all who walk together: those
+    of one ground. SportError when the network fails.
     """
     own = [sticks] * len(members) if callable(sticks) else sticks
-    tracks = [Track(member) for member in members]
-    for first in range(0, len(members), TOGETHER):
-        few = slice(first, first + TOGETHER)
-        _walk(members[few], own[few], tracks[few], frames, until)
-    return tracks
+    lengths = [frames] * len(members) if isinstance(frames, int) else frames
+    walkers = list(zip(members, own, map(Track, members), lengths, strict=True))
+    grounds = {id(member.terrain): member.terrain for member in members}
+    for ground in grounds.values():
+        here = [walker for walker in walkers if walker[0].terrain is ground]
+        for first in range(0, len(here), TOGETHER):
+            _walk(here[first : first + TOGETHER], until)
+    return [track for _, _, track, _ in walkers]
 
 
 def _walk(
-    members: Sequence[Controller],
-    sticks: Sequence[Stick],
-    tracks: Sequence[Track],
-    frames: int,
-    until: Callable[[Controller], bool],
+    walkers: Sequence[tuple[Controller, Stick, Track, int]], until: Callable[[Controller], bool]
 ) -> None:
+    members = [member for member, *_ in walkers]
     crowd = Crowd(members) if len(members) > 1 else None
-    for frame in range(frames):
-        asked = [stick(member, frame) for stick, member in zip(sticks, members, strict=True)]
+    for frame in range(max(length for *_, length in walkers)):
+        asked = [stick(member, frame) for member, stick, *_ in walkers]
         poses = [members[0].step(asked[0])] if crowd is None else crowd.step(asked)
-        for track, pose in zip(tracks, poses, strict=True):
-            track.add(pose)
+        for (_, _, track, length), pose in zip(walkers, poses, strict=True):
+            if frame < length:
+                track.add(pose)
         if all(map(until, members)):
             break
     if crowd is not None:
@@ -172,25 +174,41 @@ def requests_of(clip: Motion, lead_in: int) -> Requests:
     )
 
 
-def follow(
-    model: MotionModel, clip: Motion, z: Array, seed: int = 0, temperature: float = TEMPERATURE
-) -> Motion:
-    """The character in style Z^t `(6, 64)` led along a clip's root path, frame for frame as a player would.
+@dataclass(frozen=True)
+class Take:
+    """What a character is led along, and its style Z^t `(6, 64)`."""
+
+    clip: Motion
+    code: Array
+    seed: int = 0
+
+    def begun(self, model: MotionModel, **settings: float) -> Controller:
+        """The character at the start, on the clip's ground; all clips of level ground are on the same."""
+        ground = self.clip.terrain if self.clip.terrain.heights.any() else flat_ground()
+        (member,) = characters(model, ground, [self.code], [self.seed], **settings)
+        return member
+
+
+def follow(model: MotionModel, takes: Sequence[Take], temperature: float = TEMPERATURE) -> list[Motion]:
+    """Characters led along their clips' root paths, frame for frame as a player would.
 
     The stick asks for the clip's velocity at the same time and steers back to its path; it cannot ask for more than the
     style's own walking or jogging speed. Facing and gait are the clip's.
     """
-    requests = requests_of(clip, LEAD_IN_FRAMES)
+    requests = [requests_of(take.clip, LEAD_IN_FRAMES) for take in takes]
     # a captured velocity has a body's momentum already
     settings = {"temperature": temperature, "response": MAX_RESPONSE}
-    (controller,) = characters(model, clip.terrain, [z], [seed], **settings)
-    start = requests.xz[0]
-    controller.reset(float(start[0]), float(start[1]), float(requests.yaw[0]))
-    (track,) = walked([controller], partial(_stick, requests), len(requests.xz))
-    return track.motion(clip.name, clip.style, clip.gait, LEAD_IN_FRAMES)
+    members = [take.begun(model, **settings) for take in takes]
+    for member, asked in zip(members, requests, strict=True):
+        member.reset(float(asked.xz[0, 0]), float(asked.xz[0, 1]), float(asked.yaw[0]))
+    sticks = [partial(_stick, asked) for asked in requests]
+    tracks = walked(members, sticks, [len(asked.xz) for asked in requests])
+    pairs = zip(tracks, takes, strict=True)
+    return [t.motion(take.clip.name, take.clip.style, take.clip.gait, LEAD_IN_FRAMES) for t, take in pairs]
 
 
 def _stick(requests: Requests, controller: Controller, frame: int) -> Controls:
+    frame = min(frame, len(requests.xz) - 1)  # longer paths go on beside it
     gait = Gait(int(requests.gait[frame]))
     speed = float(np.linalg.norm(requests.velocity[frame]))
     facing = (float(np.sin(requests.yaw[frame])), float(np.cos(requests.yaw[frame])))
@@ -232,23 +250,26 @@ class ReplayTrajectory(Trajectory):
         self.number += 1
 
 
-def replay(model: MotionModel, clip: Motion, z: Array, seed: int, temperature: float, lead_in: int) -> Array:
-    """Joints relative to the root `(T - lead_in, 31, 3)` under a clip's own controls.
+def replay(
+    model: MotionModel, takes: Sequence[Take], temperature: float = 0.0, lead_in: int = 0
+) -> list[Array]:
+    """Joints relative to the root `(T - lead_in, 31, 3)` under each clip's own controls.
 
-    The first `lead_in` frames are run at temperature 0: two runs that differ in their seed begin in the same pose.
+    The first `lead_in` frames are run at temperature 0: two takes that differ in their seed begin in the same pose.
     """
-    (controller,) = characters(model, clip.terrain, [z], [seed], temperature=0.0)
-    state = copied(controller.state)
-    state.trajectory = ReplayTrajectory.of(clip, state.trajectory)
-    controller.put(state, state.styles[0].codes)
+    members = [take.begun(model, temperature=0.0) for take in takes]
+    for member, take in zip(members, takes, strict=True):
+        state = copied(member.state)
+        state.trajectory = ReplayTrajectory.of(take.clip, state.trajectory)
+        member.put(state, state.styles[0].codes)
 
     def stick(member: Controller, frame: int) -> Controls:
         if frame == lead_in:
             member.temperature = temperature
         return Controls()
 
-    (track,) = walked([controller], stick, len(clip))
-    return np.stack([_relative_joints(pose) for pose in track.poses[lead_in:]])
+    tracks = walked(members, stick, [len(take.clip) for take in takes])
+    return [np.stack([_relative_joints(pose) for pose in track.poses[lead_in:]]) for track in tracks]
 
 
 def _relative_joints(pose: Pose) -> Array:
@@ -271,6 +292,7 @@ def transitions(model: MotionModel, changes: Sequence[tuple[Array, Array]], seed
     return [np.stack([pose.positions for pose in [*a[LEAD_IN_FRAMES:], *b]]) for a, b in pairs]
 
 
+@cache
 def flat_ground() -> Terrain:
     """Level ground that no course leaves."""
     return Terrain.flat(size_m=400.0, cell_m=10.0)

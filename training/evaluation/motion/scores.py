@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -31,12 +33,13 @@ from training.evaluation.motion.capture import (
     EvaluationPlan,
     clip_skating,
 )
-from training.evaluation.motion.driving import RingRun, RingWalk
+from training.evaluation.motion.driving import RingRun, RingWalk, Take
 from training.evaluation.motion.evaluated_model import EvaluatedModel, count_parameters, frame_times
 
 TERRAINS = ("hills", "stairs", "rough")
 DETERMINISM_CLIPS = 5  # that temperature 0 gives the same twice takes no more
 DRAWS = 10
+GROUPS_TOGETHER = 8  # whose paths are walked in one crowd and kept until they are scored
 
 
 def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
@@ -59,47 +62,57 @@ def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, An
 # --- along captured paths ---------------------------------------------------------------------------------------------
 
 
-def follow_group(
-    plan: EvaluationPlan, evaluated: EvaluatedModel, group: str
-) -> tuple[WindowSet, WindowSet, dict[str, float]]:
-    """Lead the character along every segment of a group, in descriptions that take turns.
+@dataclass
+class Followed:
+    """The paths of a group that a character is led along, in descriptions that take turns."""
 
-    Windows of the segments, one take each; windows of the held-out segments (of all, where there are none), several takes;
-    the mean distance from the clip's root at the same time, metres, and the distance travelled over the clip's.
-    """
-    segments, style = plan.segments[group], plan.style_of(group)
-    errors, distances = [], []
+    group: str
+    clips: list[Motion]  # captured
+    tested: list[int]  # of `clips`: the held-out ones, or all where there are none
+    takes: list[Take]  # one of each clip, then more of those tested
 
-    def take(segment: int, number: int) -> Motion:
-        clip = segments[segment].load()
-        made = driving.follow(
-            evaluated.model, clip, evaluated.style(style, number), plan.options.seed + number
-        )
-        errors.append(np.linalg.norm(clip.positions[:, 0, ::2] - made.positions[:, 0, ::2], axis=-1))
-        distances.append([len(m) * mean_speed(m.positions) for m in (clip, made)])
-        return made
+    @staticmethod
+    def of(plan: EvaluationPlan, evaluated: EvaluatedModel, group: str) -> Followed:
+        """What is to be walked, so long that a style can be recognised by it."""
+        segments, style = plan.segments[group], plan.style_of(group)
+        clips = [segment.load() for segment in segments]
+        tested = [k for k, s in enumerate(segments) if s.clip.held_out] or list(range(len(segments)))
+        seconds = sum(segments[k].seconds for k in tested)
+        again = int(np.clip(round(plan.options.recognise_seconds / seconds), 1, 4))
+        drawn = [(k, k) for k in range(len(clips))]
+        drawn += [(k, k + number) for number in range(1, again) for k in tested]
+        takes = [Take(clips[k], evaluated.style(style, n), plan.options.seed + n) for k, n in drawn]
+        return Followed(group, clips, tested, takes)
 
-    first = [take(k, k) for k in range(len(segments))]
-    tested = [k for k, s in enumerate(segments) if s.clip.held_out] or list(range(len(segments)))
-    seconds = sum(segments[k].seconds for k in tested)
-    takes = int(np.clip(round(plan.options.recognise_seconds / seconds), 1, 4))
-    again = [take(k, k + number) for number in range(1, takes) for k in tested]
-    own = window_set((first[k] for k in tested), None)
-    captured, made = np.sum(distances, axis=0)
-    path = {
-        "path_error_m": float(np.concatenate(errors).mean()),
-        "speed_ratio": float(made / max(captured, 1e-6)),
-    }
-    return window_set(first, plan.encoder), joined([own, window_set(again, None)]), path
+    def scored(self, plan: EvaluationPlan, made: Sequence[Motion]) -> tuple[WindowSet, WindowSet, dict[str, float]]:
+        """Windows of the first takes; windows of all that are tested; how near the paths were.
+
+        The mean distance from the clip's root at the same time, metres, and the distance travelled over the clip's.
+        """
+        pairs = [(take.clip, motion) for take, motion in zip(self.takes, made, strict=True)]
+        errors = [np.linalg.norm(c.positions[:, 0, ::2] - m.positions[:, 0, ::2], axis=-1) for c, m in pairs]
+        captured, travelled = np.sum([[len(m) * mean_speed(m.positions) for m in pair] for pair in pairs], 0)
+        first, again = made[: len(self.clips)], made[len(self.clips) :]
+        recognised = joined([window_set((first[k] for k in self.tested), None), window_set(again, None)])
+        path = {
+            "path_error_m": float(np.concatenate(errors).mean()),
+            "speed_ratio": float(travelled / max(captured, 1e-6)),
+        }
+        return window_set(first, plan.encoder), recognised, path
 
 
 def score_following(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
     """Distances per style and overall, recognition, path and speed along the captured paths."""
     windows, recognised, styles = {}, {}, {}
-    for number, group in enumerate(plan.groups):
-        log.info(f"{evaluated.name}: following {number + 1}/{len(plan.groups)}: {group}")
-        windows[group], recognised[group], path = follow_group(plan, evaluated, group)
-        styles[group] = {"fmd": _distances(plan, {group: windows[group]}, STYLE_COMPONENTS), **path}
+    for begin in range(0, len(plan.groups), GROUPS_TOGETHER):
+        groups = plan.groups[begin : begin + GROUPS_TOGETHER]
+        log.info(f"{evaluated.name}: following {', '.join(groups)}")
+        paths = [Followed.of(plan, evaluated, group) for group in groups]
+        made = iter(driving.follow(evaluated.model, [take for path in paths for take in path.takes]))
+        for path in paths:
+            group, own = path.group, list(islice(made, len(path.takes)))
+            windows[group], recognised[group], measured = path.scored(plan, own)
+            styles[group] = {"fmd": _distances(plan, {group: windows[group]}, STYLE_COMPONENTS), **measured}
     return {
         "styles": styles,
         "fmd": _distances(plan, {style: windows[style] for style in plan.styles}, OVERALL_COMPONENTS),
@@ -126,14 +139,15 @@ def _recognition(plan: EvaluationPlan, windows: dict[str, WindowSet]) -> dict[st
 # --- on courses -------------------------------------------------------------------------------------------------------
 
 
-def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
-    """Skating before and after foot lock, path error and speed, per style and gait, on level and on rough ground."""
+def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel, rough: bool = True) -> dict[str, Any]:
+    """Skating before and after foot lock, path error and speed, per style and gait, on level (and on `rough`) ground."""
     result: dict[str, Any] = {}
     walks = _walks(plan, evaluated, [style for style in plan.styles if plan.gaits(style)], GAITS)
     for walk in walks:
         found = {"captured": plan.captured_skating(walk.style, walk.gait.label)}
         result.setdefault(walk.style, {})[walk.gait.label] = found
-    for ground in (driving.flat_ground(), make_terrain("rough", plan.options.seed)):
+    grounds = [driving.flat_ground(), *([make_terrain("rough", plan.options.seed)] if rough else [])]
+    for ground in grounds:
         log.info(f"{evaluated.name}: courses on {ground.name}")
         runs = driving.run_ring(evaluated.model, ground, walks, plan.options.course_seconds)
         for walk, run in zip(walks, runs, strict=True):
@@ -169,15 +183,17 @@ def score_terrain(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, 
     """Sinking and floating of soles, and path error, on uneven ground: neutral first, then other styles."""
     result: dict[str, Any] = {}
     styles = _walking_styles(plan)[: plan.options.terrain_styles]
+    walks = _walks(plan, evaluated, styles, GAITS)
     for name in TERRAINS:
         ground = make_terrain(name, plan.options.seed)
         log.info(f"{evaluated.name}: on {name}")
-        for gait in GAITS:
-            walks = _walks(plan, evaluated, styles, (gait,))
-            rows = []
-            for run in driving.run_ring(evaluated.model, ground, walks, plan.options.course_seconds):
-                feet = terrain_feet(run.motion.positions, ground)
-                rows.append({**feet, "path_error_m": run.path_error.mean()})
+        runs = driving.run_ring(evaluated.model, ground, walks, plan.options.course_seconds)
+        for gait, label in GAITS.items():
+            rows = [
+                {**terrain_feet(run.motion.positions, ground), "path_error_m": run.path_error.mean()}
+                for walk, run in zip(walks, runs, strict=True)
+                if walk.gait == label
+            ]
             if rows:
                 result[f"{name} {gait}"] = {key: float(np.mean([r[key] for r in rows])) for key in rows[0]}
     return result
@@ -210,23 +226,21 @@ def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[s
     return {"ratio": float(np.mean(ratios)), "count": count}
 
 
-def score_diversity(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
+def score_diversity(
+    plan: EvaluationPlan, evaluated: EvaluatedModel, temperatures: Sequence[float] = (0.0, 1.0)
+) -> dict[str, Any]:
     """Diversity at temperature 1, and over a few clips at 0, of random captured clips, held-out ones first.
 
     Control variables are those of the clip in both generations; only the seed of the noise differs.
     """
     result: dict[str, Any] = {}
     clips = list(enumerate(diversity_clips(plan)))
-    for temperature in (0.0, 1.0):
+    for temperature in temperatures:
         log.info(f"{evaluated.name}: diversity at temperature {temperature:.0f}")
-        distances = []
-        for k, clip in clips if temperature > 0 else clips[:DETERMINISM_CLIPS]:
-            z = evaluated.style(clip.style, k)
-            pair = [
-                driving.replay(evaluated.model, clip, z, seed, temperature, DIVERSITY_LEAD_IN)
-                for seed in (1, 2)
-            ]
-            distances.append(pair_distance(*pair))
+        shown = clips if temperature > 0 else clips[:DETERMINISM_CLIPS]
+        takes = [Take(clip, evaluated.style(clip.style, k), seed) for k, clip in shown for seed in (1, 2)]
+        made = driving.replay(evaluated.model, takes, temperature, DIVERSITY_LEAD_IN)
+        distances = [pair_distance(*pair) for pair in zip(made[::2], made[1::2], strict=True)]
         result[f"temperature_{temperature:.0f}"] = float(np.mean(distances))
     return result
 

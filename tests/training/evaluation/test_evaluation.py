@@ -1,6 +1,7 @@
 """The evaluation from clip files to tables, with a synthetic walker in the place of captured people and of a model."""
 
 import json
+import threading
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from runtime.assets import asset_path
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError, UsageError
-from runtime.motion.features import OUTPUT
+from runtime.motion.features import INPUT, OUTPUT
 from runtime.terrain.height_map import Terrain
 from tests.helpers.synthetic_clips import save_motion
 from tests.helpers.walker import WalkerModel, walk
@@ -51,7 +52,21 @@ def clips(tmp_path_factory):
     return folder
 
 
-class NoisyWalker(WalkerModel):
+class CrowdWalker(WalkerModel):
+    """Continues the cycle from the pose that it sees: characters of a crowd walk as each alone."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.lock = threading.Lock()
+
+    def step(self, x, noise, style):
+        seen = x[0, INPUT["joint_positions"]].reshape(-1, 3)
+        with self.lock:
+            self.frame = int(np.square(self._positions - seen).sum((1, 2)).argmin())
+            return super().step(x, noise, style)
+
+
+class NoisyWalker(CrowdWalker):
     """Its hips rise and sink with the diffusion noise."""
 
     def step(self, x, noise, style):
@@ -60,21 +75,13 @@ class NoisyWalker(WalkerModel):
         return y, alpha
 
 
-class RestartingWalker(WalkerModel):
-    """Begins its cycle anew with every controller, whose first style is zero: equal runs are equal."""
-
-    def fold_style(self, z, strength=1.0):
-        self.frame = self.frame if np.any(z) else 0
-        return super().fold_style(z, strength)
-
-
 class FakeModel:
     """A model that walks whatever is asked of it."""
 
     name, decoder = "walker", "diffusion"
 
     def __init__(self):
-        self.model = RestartingWalker()
+        self.model = CrowdWalker()
         config = {"experts": 2, "hidden": 4, "embedding": 4, "front": [4, 2], "output_size": 473}
         self.model.metadata["config"] = config
 

@@ -62,9 +62,9 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
         done.add(f"method {'/'.join(order.out.parts[-3:-1])}")
         export(order.out)
 
-    def score(plan: Any, model: Any) -> dict[str, Any]:
+    def score(plan: Any, model: Any) -> dict[str, float]:
         done.add(f"score {model} by {plan.seed}")
-        return {"number": float(len(done.done))}
+        return {**CELLS, "fmd_kinematic": float(len(done.done))}
 
     monkeypatch.setattr("training.pipeline.main", stages)
     for module in ("motion_matching", "train"):
@@ -72,8 +72,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
     monkeypatch.setattr(table1, "plan_of", lambda _, seed: type("Plan", (), {"texts": {}, "seed": seed}))
     monkeypatch.setattr(table1, "capture_cells", lambda plan: {"fmd_kinematic": 1.0 + plan.seed})
     monkeypatch.setattr(table1, "EvaluatedModel", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
-    monkeypatch.setattr(table1, "score_model", score)
-    monkeypatch.setattr(table1, "cells_of", lambda scores: {**CELLS, "fmd_kinematic": scores["number"]})
+    monkeypatch.setattr(table1, "cells_of", score)
     return done
 
 

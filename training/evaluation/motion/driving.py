@@ -227,33 +227,36 @@ def _stick(requests: Requests, controller: Controller, frame: int) -> Controls:
 class ReplayTrajectory(Trajectory):
     """Control variables t^p, t^d, t^g and t^h of a clip, not a stick's (Sec. IV-B2): each frame takes the clip's next window."""
 
-    clip_xz: Array
-    clip_yaw: Array
-    clip_gait: Array
-    number: int
+    clip_xz: Array  # (B, N, 2), of B characters
+    clip_yaw: Array  # (B, N)
+    clip_gait: Array  # (B, N, 6)
+    number: NDArray[np.intp]  # (B,) of the next frame
 
     @staticmethod
     def of(clip: Motion, began: Trajectory) -> ReplayTrajectory:
         """Begin at the clip's first frame, in the place of the trajectory of a character that has just begun."""
         made, path = ReplayTrajectory(**vars(began)), RootPath.of(clip.positions.astype(np.float64))
-        made.clip_xz, made.clip_yaw = path.padded_root, path.padded_yaw
-        made.clip_gait = repeat_ends(np.eye(features.GAITS)[clip.gait])
-        made.number = 0
+        made.clip_xz, made.clip_yaw = path.padded_root[None], path.padded_yaw[None]
+        made.clip_gait = repeat_ends(np.eye(features.GAITS)[clip.gait])[None]
+        made.number = np.zeros(1, np.intp)
         return made
 
     def steer(self, plan: Plan) -> None:
         """The clip's window; what is requested does not count."""
-        first = self.number + PAD - PRESENT
-        now = slice(first, first + LENGTH)
-        self.xz, self.yaw = self.clip_xz[None, now].copy(), self.clip_yaw[None, now].copy()
-        self.gait = self.clip_gait[None, now].copy()
-        self.number += 1
+        rows = np.arange(len(self.number))[:, None]
+        now = (self.number + PAD - PRESENT)[:, None] + np.arange(LENGTH)
+        self.xz, self.yaw, self.gait = (
+            self.clip_xz[rows, now],
+            self.clip_yaw[rows, now],
+            self.clip_gait[rows, now],
+        )
+        self.number = self.number + 1
 
 
 def replay(
     model: MotionModel, takes: Sequence[Take], temperature: float = 0.0, lead_in: int = 0
 ) -> list[Array]:
-    """Joints relative to the root `(T - lead_in, 31, 3)` under each clip's own controls.
+    """Joints relative to the root `(T - lead_in, 31, 3)` under each clip's own controls; clips of `T` frames all.
 
     The first `lead_in` frames are run at temperature 0: two takes that differ in their seed begin in the same pose.
     """

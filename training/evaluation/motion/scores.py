@@ -84,7 +84,9 @@ class Followed:
         takes = [Take(clips[k], evaluated.style(style, n), plan.options.seed + n) for k, n in drawn]
         return Followed(group, clips, tested, takes)
 
-    def scored(self, plan: EvaluationPlan, made: Sequence[Motion]) -> tuple[WindowSet, WindowSet, dict[str, float]]:
+    def scored(
+        self, plan: EvaluationPlan, made: Sequence[Motion]
+    ) -> tuple[WindowSet, WindowSet, dict[str, float]]:
         """Windows of the first takes; windows of all that are tested; how near the paths were.
 
         The mean distance from the clip's root at the same time, metres, and the distance travelled over the clip's.

@@ -46,6 +46,8 @@ from training.markdown import number, percent, table
 Cells = dict[str, float]
 SEED_IN_NAME = re.compile(r" seed\d+")  # of a model, `EvaluatedModel.name`
 SHIPPED, CAPTURE = "ours, as shipped", "capture, one half against the other"
+# of what one model walks: half, because every seed draws others
+AMOUNTS = {"terrain_styles": 3, "diversity_clips": 20, "transitions": 15}
 SHOWN_WINDOWS_FRACTION = 0.5  # fraction of its windows from which on a style counts as shown
 
 
@@ -155,7 +157,7 @@ def table_one(setting: Setting) -> dict[str, Any]:
             if folder is None:
                 continue
             log.info(f"{title}, seed {seed}")
-            plan = plan or plan_of(setting, seed)
+            plan = plan or plan_of(setting, seed, **AMOUNTS)
             cells = _scored(plan, None if title == CAPTURE else folder)
             if store is not None:
                 kept["cells"] = _stored(store, options)

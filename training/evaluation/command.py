@@ -45,13 +45,15 @@ def motion(setting: Setting) -> dict[str, Any]:
     }
 
 
-def plan_of(setting: Setting, seed: int | None = None) -> EvaluationPlan:
-    """The plan that --quick, --seconds, --seed (or `seed`), --styles and --features ask for.
+def plan_of(setting: Setting, seed: int | None = None, **amounts: int) -> EvaluationPlan:
+    """The plan that --quick, --seconds, --seed (or `seed`), --styles and --features ask for; `amounts` of its `Options`.
 
     Without --features the encoder is that of the first model that has one.
     """
     args = setting.args
     options = replace(Options.quick() if args.quick else Options(), seed=args.seed if seed is None else seed)
+    if not args.quick:
+        options = replace(options, **amounts)
     if args.seconds is not None:
         options = replace(options, follow_seconds=args.seconds)
     folder = args.features or next((f for f in setting.folders if has_encoder(f)), None)

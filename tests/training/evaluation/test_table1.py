@@ -69,7 +69,9 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
     monkeypatch.setattr("training.pipeline.main", stages)
     for module in ("motion_matching", "train"):
         monkeypatch.setattr(f"training.baselines.{module}.make", method)
-    monkeypatch.setattr(table1, "plan_of", lambda _, seed: type("Plan", (), {"texts": {}, "seed": seed}))
+    monkeypatch.setattr(
+        table1, "plan_of", lambda _, seed, **amounts: type("Plan", (), {"texts": {}, "seed": seed})
+    )
     monkeypatch.setattr(table1, "capture_cells", lambda plan: {"fmd_kinematic": 1.0 + plan.seed})
     monkeypatch.setattr(table1, "EvaluatedModel", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
     monkeypatch.setattr(table1, "cells_of", score)

@@ -68,6 +68,7 @@ OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("--preset", {"default": "small"}),
     *((f"--{stage}-steps", {"type": int, "default": steps}) for stage, steps in STAGES.items()),
     ("--batch", {"type": int, "default": 256}),
+    ("--same-encoders", {"action": "store_true", "help": "seeds share the phases and content encoder of the row's seed 0"}),
     ("--baseline-steps", {"type": int, "default": 4000, "help": "of other methods, of 256 frames"}),
     ("--nice", {"type": int, "default": 19, "help": "priority given up for other work, 0 to 19 (default: 19)"}),
 )  # fmt: skip
@@ -122,6 +123,8 @@ def train_row(args: argparse.Namespace, out: Path, name: str, seed: int) -> None
     """
     row, folder = TRAINED_ROWS[name], out / name / f"seed{seed}"
     recipe = {**asdict(row), "seed": seed, **_numbers(args, row)}
+    if args.same_encoders and seed and not row.method:
+        recipe["encoders"] = "of seed 0"
     stored = folder / RECIPE
     known = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else {}
     if known.pop("trained", False) and known == recipe:
@@ -169,11 +172,16 @@ def _train_ours(args: argparse.Namespace, out: Path, name: str, seed: int) -> No
     clips = args.clips
     if row.source:
         clips = clips_of(args.clips, row.source, folder / "clips")
-    elif args.run is not None:
-        prepare(args.run, folder, name, args.clips)
-    elif name != FULL:
+    if args.same_encoders and seed:
+        first = out / name / "seed0"
+        if not (first / "model").exists():
+            raise FileError(f"{first}: not trained.", "Train seed 0 first.")
+        prepare(first, folder, [f for f in _PHASE + _CONTENT if (first / f).exists()], clips)
+    elif args.run is not None and not row.source:
+        prepare(args.run, folder, SHARED[name], clips)
+    elif name != FULL and not row.source:
         train_row(args, out, FULL, seed)
-        prepare(full, folder, name, args.clips)
+        prepare(full, folder, SHARED[name], clips)
     stage2 = full / STAGE2
     if name in OTHER_DIFFUSION and stage2.exists():
         _copy_once(stage2, folder / STAGE2)
@@ -185,13 +193,13 @@ def _train_ours(args: argparse.Namespace, out: Path, name: str, seed: int) -> No
         pipeline.main(["export", *common, "--ablation", name, "--decoder", "mixture"])
 
 
-def prepare(run: Path, out: Path, name: str, clips: Path) -> None:
-    """Copy what the variant `name` shares with `run` into `out`; FileError names what is missing."""
+def prepare(run: Path, out: Path, files: Sequence[str], clips: Path) -> None:
+    """Copy `files` of `run` into `out`, unless they are there; FileError names what is missing."""
     out.mkdir(parents=True, exist_ok=True)
     # the table of all frames: gigabytes, which every variant of the same clips maps
     if stored_for(run / FRAMES, clips) and not (out / FRAMES).exists():
         (out / FRAMES).symlink_to((run / FRAMES).resolve(), target_is_directory=True)
-    for file in SHARED[name]:
+    for file in files:
         if not (out / file).exists() and not (run / file).exists():
             raise FileError(f"{run / file}: missing.", "Train stages phase and content there first.")
         _copy_once(run / file, out / file)

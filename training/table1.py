@@ -46,8 +46,8 @@ from training.markdown import number, percent, table
 Cells = dict[str, float]
 SEED_IN_NAME = re.compile(r" seed\d+")  # of a model, `EvaluatedModel.name`
 SHIPPED, CAPTURE = "ours, as shipped", "capture, one half against the other"
-# of what one model walks: half, because every seed draws others
-AMOUNTS = {"terrain_styles": 3, "diversity_clips": 20, "transitions": 15}
+# of what one model walks: less than in `Options`, because every seed draws others
+AMOUNTS = {"terrain_styles": 2, "diversity_clips": 12, "transitions": 10}
 SHOWN_WINDOWS_FRACTION = 0.5  # fraction of its windows from which on a style counts as shown
 
 
@@ -184,7 +184,8 @@ def _options(setting: Setting) -> dict[str, Any]:
     """What decides the figures."""
     args = setting.args
     features = read_metadata(args.features or setting.folders[0])["sha256"].get("motion", "")
-    return {name: getattr(args, name) for name in ("styles", "seconds", "quick")} | {"features": features}
+    chosen = {name: getattr(args, name) for name in ("styles", "seconds", "quick")}
+    return chosen | {"features": features} | AMOUNTS
 
 
 def _stored(path: Path | None, options: dict[str, Any]) -> dict[str, dict[str, Cells]]:

@@ -212,3 +212,38 @@ def test_a_row_for_each_model_with_its_reference_and_one_for_its_seeds(
     assert len(lines) == 2 + len(rows)
     assert all(line.startswith(f"| {row}") for line, row in zip(lines[2:], rows, strict=True))
     assert len({line.count("|") for line in lines}) == 1
+
+
+@pytest.mark.needs_torch
+def test_seeds_may_share_the_encoders_of_the_first(clips: Path, tmp_path: Path, work: Work) -> None:
+    words = ["--train", "--nice", "0", "--clips", str(clips), "--runs", str(tmp_path), "--same-encoders"]
+    rows = ["--only", "pae", "terrain"]
+    with pytest.raises(FileError, match=r"pae.seed0: not trained"):
+        run(TABLE1, [*words, *rows, "--seeds", "1"], "table1")
+    assert run(TABLE1, [*words, *rows, "--seeds", "0"], "table1") == 0
+    for name in ("pae", "terrain"):
+        (tmp_path / name / "seed0" / "content_final.pt").write_bytes(b"learnt once")
+    assert run(TABLE1, [*words, *rows, "--seeds", "1"], "table1") == 0
+    for name in ("pae", "terrain"):
+        assert (tmp_path / name / "seed1" / "content_final.pt").read_bytes() == b"learnt once"
+    assert "all full/seed1" not in work.done
+    (tmp_path / "table1.json").unlink()
+    with pytest.raises(FileError, match=r"pae.seed1: trained with other options"):
+        run(TABLE1, [*[w for w in words if w != "--same-encoders"], *rows, "--seeds", "1"], "table1")
+
+
+@pytest.mark.needs_torch
+def test_two_commands_fill_one_store(tmp_path: Path, work: Work, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ["--clips", str(tmp_path), "--store", str(tmp_path / "table1.json")]
+
+    def score(plan: Any, model: Any) -> dict[str, float]:
+        work.add(f"score {model} by {plan.seed}")
+        if plan.seed == 0:  # while the first is at work
+            run(TABLE1, [*words, "--seeds", "1"], "table1")
+        return CELLS
+
+    monkeypatch.setattr(table1, "cells_of", score)
+    run(TABLE1, [*words, "--seeds", "0", "1"], "table1")
+    cells = json.loads((tmp_path / "table1.json").read_text(encoding="utf-8"))["cells"]
+    assert {title: set(seeds) for title, seeds in cells.items()} == {CAPTURE: {"0", "1"}, SHIPPED: {"0", "1"}}
+    assert len(work.done) == len(set(work.done))

@@ -198,7 +198,7 @@ def test_a_run_of_some_minutes_ends_on_time_with_every_stage_whole(
 def test_an_ablation_is_trained_exported_and_walked(
     name: str, short: Path, full: Path, tmp_path: Path
 ) -> None:
-    ablations.prepare(full, tmp_path / "run", name, short)
+    ablations.prepare(full, tmp_path / "run", SHARED[name], short)
     train(short, tmp_path / "run", "compact", "--ablation", name)
     walks(tmp_path / "run" / "model")
 
@@ -281,11 +281,11 @@ def test_shared_stages_are_copied_and_missed(tmp_path: Path) -> None:
     run.mkdir()
     for file in SHARED["full"]:
         (run / file).write_bytes(b"x")
-    ablations.prepare(run, tmp_path / "out", "pae", tmp_path)
+    ablations.prepare(run, tmp_path / "out", SHARED["pae"], tmp_path)
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["content_final.pt"]
     (run / "phase.npy").unlink()
     with pytest.raises(FileError, match=r"phase\.npy"):
-        ablations.prepare(run, tmp_path / "other", "full", tmp_path)
+        ablations.prepare(run, tmp_path / "other", SHARED["full"], tmp_path)
 
 
 def test_the_table_of_frames_is_shared_by_variants_of_the_same_clips_alone(tmp_path: Path) -> None:
@@ -296,8 +296,8 @@ def test_the_table_of_frames_is_shared_by_variants_of_the_same_clips_alone(tmp_p
     (run / "frames" / "table.json").write_text('{"files": [["walk.npz", 4]]}', encoding="utf-8")
     for file in SHARED["full"]:
         (run / file).write_bytes(b"x")
-    ablations.prepare(run, tmp_path / "same", "full", clips)
+    ablations.prepare(run, tmp_path / "same", SHARED["full"], clips)
     assert (tmp_path / "same" / "frames").resolve() == (run / "frames").resolve()
     (clips / "jog.npz").write_bytes(b"jog")
-    ablations.prepare(run, tmp_path / "other", "full", clips)
+    ablations.prepare(run, tmp_path / "other", SHARED["full"], clips)
     assert not (tmp_path / "other" / "frames").exists()

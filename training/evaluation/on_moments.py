@@ -101,6 +101,7 @@ ROWS = (
     Row("reached_s", "start of a walk, 90 % after, s", ("start",), "walk", 0.6, 1.5),
     Row("reached_s", "start of a jog, 90 % after, s", ("start",), "jog", 0.6, 1.5),
     Row("peak_ratio", "start of a walk, peak over steady speed", ("start",), "walk", high=1.15),
+    Row("surge_ratio", "a second of steady walk, peak over steady speed", ("start",), "walk"),
     Row("tilt", "torso tilt, stand to jog, degrees", ("start",), "jog", high=30.0, digits=0),
     Row("tilt", "torso tilt at stops, degrees", ("stop",), digits=0),
     Row("turn", "hips' turn while walking, degrees/s", ("turn",), high=360.0, digits=0),

@@ -125,13 +125,15 @@ class Curves:
 
     def start_figures(self, first: int, end: int, steady: float | None = None) -> dict[str, float]:
         """Measure a start from rest to a `steady` speed, by default that of the last second."""
+        last_second = self.hips[first + max(end - first - FPS, (end - first) // 2) : end]
         if steady is None:
-            steady = float(np.median(self.hips[first + max(end - first - FPS, (end - first) // 2) : end]))
+            steady = float(np.median(last_second))
         reached = np.flatnonzero(self.hips[first:end] > REACHED_SPEED_FRACTION * steady)
         begin = slice(first, min(end, first + BEGIN_FRAMES))
         return {
             "reached_s": float(reached[0]) / FPS if len(reached) else float("inf"),
             "peak_ratio": float(self.hips[begin].max()) / max(steady, 1e-6),
+            "surge_ratio": float(last_second.max()) / max(steady, 1e-6),
             "tilt": float(self.tilt[begin].max()),
         } | self._toe_paths(begin)
 

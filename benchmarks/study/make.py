@@ -25,7 +25,7 @@ from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from training.evaluation.metrics.motion import Motion, load_motion
 from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo, read_capture
-from training.evaluation.motion.driving import flat_ground, follow
+from training.evaluation.motion.driving import Take, flat_ground, follow
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.evaluation.on_obstacles import COURSES, ObstacleCourse, run_obstacles
 from training.evaluation.text.walks import straight_walks
@@ -207,7 +207,8 @@ def _in_style(
         (walk,) = straight_walks(evaluated.model, [z], seconds)
         return Clip("clip", FPS, *walk), flat_ground()
     walked = replace(path, gait=np.full(len(path), Gait.WALK))
-    return clip_of(_middle(follow(evaluated.model, walked, z), seconds)), path.terrain
+    (made,) = follow(evaluated.model, [Take(walked, z)])
+    return clip_of(_middle(made, seconds)), path.terrain
 
 
 def _captured_obstacles(capture: Iterable[ClipInfo], course: str, count: int) -> list[Motion]:

@@ -27,6 +27,9 @@ from runtime.safe_read import open_npz, parse_json, read_bounded
 from runtime.skeleton import PART_NAMES
 
 MAX_BYTES = 8_000_000
+QUANTISATION_STEPS = (
+    63  # of a component: half of what int8 holds, so that the compressed file stays under 3 MB
+)
 NEUTRAL_STYLE = "neutral"
 RIDGE_WEIGHT = 10.0
 EMBEDDED_NAMES = 20  # of an entry; its other names are only read word for word
@@ -231,7 +234,7 @@ def load_embeddings(path: Path, library: PromptLibrary, encoder: TextEncoderLike
 def vectors_as_bytes(vectors: NDArray[np.float32]) -> NDArray[np.int8]:
     """Return unit vectors `(..., D)` quantised to int8, each scaled by its largest component."""
     largest = np.abs(vectors).max(axis=-1, keepdims=True, initial=1e-9)
-    return np.round(vectors / largest * 63).astype(np.int8)
+    return np.round(vectors / largest * QUANTISATION_STEPS).astype(np.int8)
 
 
 def unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:

@@ -12,7 +12,7 @@ has no state of its own: which frame is played, and the last changes, travel in 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -243,6 +243,10 @@ class MatchingModel:
         walk, jog = (float(v) for v in self.database.speeds[label])
         nothing = np.zeros(1, np.float32)
         return Style(z, one_hot, nothing, nothing, walk, jog)
+
+    def neutral_style(self, mirrored: bool) -> Style:
+        """Return the captured neutral style, the same for a mirrored walk: no row is played in the mirror."""
+        return replace(self.fold_style(self.neutral), mirrored=mirrored)
 
     def step(self, x: Array, noise: Array, style: Style | Sequence[Style]) -> tuple[Array, Array]:
         """y `(B, 473)` of inputs `(B, 472)`, and ones `(B, 1)`; `style` is one for all characters, or one for each."""

@@ -17,7 +17,7 @@ from runtime.errors import ModelError
 from runtime.motion import features
 from runtime.motion.controller import Controller
 from runtime.motion.frame import MAX_OUTPUT
-from runtime.motion.model import load_model
+from runtime.motion.model import MotionModel, load_model
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
@@ -169,6 +169,13 @@ def test_styles_are_labels(model, base):
     assert {base.styles[base.style[place // STEP]] for place in seen} == {"old"}
     with pytest.raises(ModelError, match="shape"):
         model.fold_style(np.zeros((2, 64), np.float32))
+
+
+def test_a_database_answers_all_that_a_model_is_asked_for(model):
+    """What a weakened walk asks for is not asked on level ground in most styles."""
+    asked = {name for name in dir(MotionModel) if not name.startswith("_")} - {"swings"}  # fitted to networks
+    assert all(hasattr(model, name) for name in asked)
+    assert [model.neutral_style(mirrored).mirrored for mirrored in (False, True)] == [False, True]
 
 
 def test_feet_stay_on_hills_and_equal_runs_are_equal(model):

@@ -31,8 +31,8 @@ class ViewOptions:
     frames: int | None = specified(None, 1, 1_000_000, flag="--frames")
     screenshot: Path | None = None  # PNG of the last frame
     frames_directory: Path | None = None  # offscreen: every frame as frame_00000.png
-    width: int | None = specified(None, *SIDES, flag="--width", unit=" pixels")
-    height: int | None = specified(None, *SIDES, flag="--height", unit=" pixels")
+    width: int | None = specified(None, *SIDES, flag="--size", unit=" pixels")
+    height: int | None = specified(None, *SIDES, flag="--size", unit=" pixels")
     ui_scale: float | None = specified(None, 0.5, 4.0, flag="--ui-scale")  # 1.0 is 96 dpi
     panels: bool = True
     terrain: str | None = None  # a name of the library or a file

@@ -131,7 +131,8 @@ def _sessions(folder: Path) -> list[Path]:
 
 def _summary(path: Path) -> SessionSummary | None:
     """Return what a session holds; None where that is nothing. FileError or OSError for no session, or a later one."""
-    saved_s = max(os.stat(file).st_mtime for file in (path, *side_files(path)[:1]) if file.exists())
+    log = side_files(path)[0]
+    saved_s = max(os.stat(file).st_mtime for file in ((path, log) if log.exists() else (path,)))
     damaged = SessionSummary(path, "Untitled", False, saved_s, 0, 0.0, b"", damaged=True)
     try:
         database = Database.read(path, thorough=False)

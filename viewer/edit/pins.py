@@ -247,7 +247,7 @@ class Pins:
     def use_mouse(self, camera: Camera) -> bool:
         """Grab and drag handles of pins; return whether the left button is in use."""
         points, handles = self._points(), self._handles
-        moves = handles.use_mouse(camera, np.array([place for _, _, place in points]))
+        moves = handles.use_mouse(self.editor, camera, np.array([place for _, _, place in points]))
         if not 0 <= handles.held < len(points):
             return False
         index, name, place = points[handles.held]

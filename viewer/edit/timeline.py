@@ -52,6 +52,7 @@ class Held:
     part: Part
     grabbed: int
     items: Items
+    moves: int  # of the editor: after more the mouse holds nothing any more
     snaps: tuple[int, ...] = ()
     snapped: int | None = None
     by: int = 0
@@ -281,7 +282,9 @@ class Timeline:
                 selection.pick([item], extend=io.key_shift)
             items = selection.items if part is Part.BODY else [item]
         if item is not None or track.move is not None:
-            self.held = Held(track.key, mark, part, frame, items, self._snaps(playback))
+            editor = selection.editing.takes.editor
+            editor.finish_drag()
+            self.held = Held(track.key, mark, part, frame, items, editor.moves, self._snaps(playback))
 
     def _snaps(self, playback: Playback) -> tuple[int, ...]:
         """Return the frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""
@@ -293,7 +296,7 @@ class Timeline:
 
     def _carry(self, held: Held, row: Row, frame: int, playback: Playback) -> None:
         track, by = row.track, frame - held.grabbed
-        if track.fixed or not (by or held.moved):
+        if track.fixed or not (by or held.moved) or self._is_over(held):
             return
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         if track.move is not None:
@@ -304,6 +307,9 @@ class Timeline:
         if by != held.by or not held.moved:
             self._move(held, by, playback, held=True)
         self.held = replace(held, moved=True, by=by, snapped=snapped)
+
+    def _is_over(self, held: Held) -> bool:
+        return held.moves != self.selection.editing.takes.editor.moves
 
     def _snapped(self, held: Held, by: int, row: Row) -> tuple[int, int | None]:
         """Return the frames to move by and what they snap to: the nearest frame to snap to where one is near; Alt snaps to none."""
@@ -331,7 +337,7 @@ class Timeline:
         held, box, self.held, self.box = self.held, self.box, None, None
         if box is not None:
             self._end_box(box, frame, playback)
-        elif held is None or (held.mark.item is None and held.moved):
+        elif held is None or (held.mark.item is None and held.moved) or self._is_over(held):
             return
         elif held.moved:
             self._move(held, held.by, playback)

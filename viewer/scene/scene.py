@@ -368,6 +368,8 @@ class Scene:
         self.joints.refused(error)
         if path is not None and isinstance(error, JointsUnknown) and self.joints.shown != path:
             self.joints.begin(path)
+        elif path is not None and self._character is None:  # at the start: somebody must be seen
+            self._load_choice(self._choice)
 
     def _take_character(self, choice: CharacterChoice, path: Path | None, character: Any) -> None:
         self.renderer.set_character(dressed(character, self.settings.look))

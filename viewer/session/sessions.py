@@ -39,7 +39,7 @@ MAX_RECENT_SESSIONS = 8
 KEPT_SESSIONS = 10  # untitled ones that can be opened again
 VIEW_INTERVAL_S = 10.0  # between two times at which the view is written
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
-LOST = Slot("lost takes")
+LOST, RECOVERY = Slot("lost takes"), Slot("recovery of takes")
 PROBLEM = Slot("file of the session")  # a topic of messages
 RESIMULATION = Slot("resimulation of a take")
 UNFINISHED = "unfinished"  # under which a file says what an end of the program cut short
@@ -165,6 +165,7 @@ class Sessions:
             return *SessionFile.open(copy, self.folder / "characters"), said
 
     def _opened(self, path: Path, file: SessionFile, history: History, said: str) -> None:
+        self.jobs.cancel_reading()  # what the session before was to have
         self._use(file, history)
         self._restore(file.view)
         if not said and not self._is_untitled(path):
@@ -246,6 +247,9 @@ class Sessions:
         if room < 1:
             self.messages.warn("The list of takes is full. Remove some first.")
             return
+        if self.jobs.busy(RECOVERY):
+            self.messages.warn("Other takes are being recovered: wait until they are in the list.")
+            return
         lost = lost[-room:]
         what = lost[0].name if len(lost) == 1 else count_takes(len(lost))
 
@@ -255,7 +259,7 @@ class Sessions:
             self.lost = [take for take in self.lost if take.key not in keys]
             self.messages.note(f"Recovered: {what}.")
 
-        self.jobs.submit(LOST, lambda: file.found_takes(lost), found, reading=what)
+        self.jobs.submit(RECOVERY, lambda: file.found_takes(lost), found, reading=what)
 
     def discard(self, summary: SessionSummary) -> None:
         """Delete an untitled session of another run for good."""
@@ -271,7 +275,8 @@ class Sessions:
         self.takes.end_recording()
         self.takes.close_playback()
         self.takes.animations.clear()
-        self.jobs.end_slot(LOST)
+        for slot in (LOST, RECOVERY):
+            self.jobs.end_slot(slot)
         self.lost = []
         self._leave()
         self.editor.use(file, history)

@@ -11,7 +11,7 @@ from runtime.atomic import check_target
 from runtime.errors import UsageError
 from runtime.options import Spec, spec_of, specified
 from runtime.prompts.blend import ALL_A, Weights
-from runtime.safe_read import check_source
+from runtime.safe_read import check_source, expanded
 from runtime.terrain.library import load_terrain
 from viewer.settings import CAMERAS, QUALITIES, VIEWS
 
@@ -69,15 +69,15 @@ class ViewOptions:
         if self.frames_directory is not None:
             if not self.offscreen:
                 raise UsageError("--save-frames: works with --offscreen only.", "Add --offscreen.")
-            check_target(self.frames_directory.expanduser() / "frame_00000.png")
+            check_target(expanded(self.frames_directory) / "frame_00000.png")
         if self.screenshot is not None:
-            check_target(self.screenshot.expanduser())
+            check_target(expanded(self.screenshot))
 
     def _check_sources(self) -> None:
         """FileError or TerrainError where a file or ground is named that is not there."""
         session = Path(self.session) if self.session and self.session != "last" else None
         for path in filter(None, (session, self.clip, self.character, self.joint_map)):
-            check_source(path.expanduser())
+            check_source(expanded(path))
         if self.terrain is not None and not os.path.exists(self.terrain):
             load_terrain(self.terrain)  # made quickly, or refused with the list of names
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ from runtime.assets import character_file
 from runtime.atomic import sweep
 from runtime.interrupts import undo_when_ended
 from runtime.pose import Pose
+from runtime.safe_read import expanded
 from runtime.session import library
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
@@ -229,7 +231,7 @@ class Workspace:
         name = self.settings.character
         if name in SHIPPED:
             return None if name == MANNEQUIN else character_file(name)
-        if Path(name).is_file():
+        if os.path.isfile(name):
             return Path(name)
         self.messages.warn(f"The character {name} is missing: the walker is shown.")
         return character_file(WALKER)
@@ -249,7 +251,7 @@ class Workspace:
 
     def _sweep(self) -> None:
         """Remove what a killed program has left half written in the folders that are written to."""
-        folders = {Path(self.settings.export_folder).expanduser(), self.sessions.untitled_folder}
+        folders = {expanded(self.settings.export_folder), self.sessions.untitled_folder}
         for folder in folders | {path.parent for path in self.sessions.recent}:
             sweep(folder)
 

@@ -188,6 +188,8 @@ GENERATE: dict[str, tuple[list[str], tuple[str, ...]]] = {
     "folder as target": (["--out", "TMP"], ("this is a folder", "Add the name")),
     "file as folder": (["--out", "TMP/file/a.bvh"], ("a.bvh", "Choose a folder")),
     "no number": (["--seconds", "soon"], ("--seconds", "'soon'", "--help")),
+    "long model": (["--model", "x" * 300], ("no model of this name", "Shipped")),
+    "long character": (["--character", "x" * 300], ("xxx", "too long", "Check the path")),
     "rate that is none": (["--fps", "nan"], ("--fps nan", "expected 1 to 1000", "Try 60")),
     "rate without end": (["--fps", "inf"], ("--fps inf", "expected 1 to 1000", "Try 60")),
     "unknown camera": (["--camera", "nose", "--out", "TMP/a.mp4"], ("--camera nose", "Choose front")),

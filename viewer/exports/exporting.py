@@ -14,7 +14,7 @@ from runtime.formats.engines import ENGINES
 from runtime.formats.options import ALL, BODIES, FILMS, SCENES, ExportOptions, option
 from runtime.formats.table import FORMATS, ExportCancelled, Format, check_export, save_motion
 from runtime.options import spec_of
-from runtime.safe_read import parse_json, printable
+from runtime.safe_read import expanded, parse_json, printable
 from runtime.session.session import Take
 from runtime.takes.camera_keys import view_at
 from runtime.terrain.height_map import Terrain
@@ -157,7 +157,7 @@ class Exporting(ExportField):
                 self.choose(suffix=path.suffix.lower())
             self.path = printable(path)
 
-        start, filters = Path(self.path).expanduser(), (self.form.format.name, f"*{self.suffix}")
+        start, filters = expanded(self.path), (self.form.format.name, f"*{self.suffix}")
         self.dialogs.ask(DialogKind.SAVE, "Export the take", start, chosen, filters)
 
     # --- writing

@@ -17,6 +17,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.snapshot import Snapshot
 from runtime.pose import FPS, Pose
 from runtime.prompts.gpt.settings import GptSettings
+from runtime.safe_read import expanded
 from runtime.session.character_files import read_character_files, write_character_files
 from runtime.session.session import CharacterChoice, Ground, ModelName, Session
 from runtime.takes.input_recording import InputRecorder
@@ -230,7 +231,7 @@ class Scene:
 
     def load_terrain(self, name: str | Path) -> None:
         """Load a terrain by name or file and use it; the old one stays until then."""
-        spec = str(Path(name).expanduser()) if str(name).startswith("~") else str(name)
+        spec = str(expanded(name)) if str(name).startswith("~") else str(name)
         self.loading = spec
         self.jobs.submit(
             Slot("terrain"), partial(self.read_ground, spec), partial(self._take_terrain, spec),

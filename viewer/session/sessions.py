@@ -14,6 +14,7 @@ from typing import Any
 from runtime.assets import model_folder, model_hashes, shipped_models
 from runtime.errors import SportError
 from runtime.interrupts import removed_when_ended
+from runtime.safe_read import expanded
 from runtime.session import edits, library
 from runtime.session.document_reader import MAX_TAKES
 from runtime.session.history import History
@@ -147,7 +148,7 @@ class Sessions:
 
     def open(self, path: Path) -> None:
         """Open a session; the current one stays until it is loaded."""
-        path = path.expanduser()
+        path = expanded(path)
         if os.path.realpath(path) == str(self.editor.file.path):
             self.messages.note(f"{path.name} is open already.")
             return
@@ -179,7 +180,7 @@ class Sessions:
 
     def open_last(self) -> None:
         """Open the most recent session, named or not."""
-        times = {path: path.stat().st_mtime if path.exists() else 0.0 for path in self.recent[:1]}
+        times = {path: path.stat().st_mtime if os.path.exists(path) else 0.0 for path in self.recent[:1]}
         times |= {summary.path: summary.saved_s for summary in self.earlier[:1]}
         if times:
             self.open(max(times, key=times.__getitem__))
@@ -307,7 +308,7 @@ class Sessions:
         self.settings.recent_sessions = remembered(text, known, MAX_RECENT_SESSIONS)
 
     def _home(self) -> Path:
-        return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()
+        return self.recent[0].parent if self.recent else expanded(self.settings.export_folder)
 
     # --- the view
 
@@ -451,5 +452,5 @@ def _places(view: dict[str, Any]) -> dict[str, float]:
 
 
 def _with_suffix(path: Path) -> Path:
-    path = path.expanduser()
+    path = expanded(path)
     return path if path.suffix.lower() == SUFFIX else path.with_name(path.name + SUFFIX)

@@ -168,7 +168,7 @@ class CompareView:
             self.editor.do(f"variant {index + 1} removed", lambda session: replace(session, variants=rest))
 
     def reseed(self, index: int, seed: int) -> None:
-        """Remove a variant; two always stay."""
+        """Give a variant another seed, during a drag."""
         change = _with_variant(self.variants[index].number, lambda v: replace(v, seed=max(seed, 0)))
         self.editor.drag(f"seed of variant {index + 1}", change)
 

@@ -145,8 +145,10 @@ class Exporting(ExportField):
             FORMATS[suffix].check_program(Path(f"take{suffix}"))
         except UsageError as error:
             self.missing = str(error).partition(": ")[2]
-        if self.typed and Path(self.path).name:
-            self.path = str(Path(self.path).with_suffix(suffix))
+        path = Path(self.path)
+        if self.typed and path.name:  # "walk 1.5" has no ending
+            stem = path.stem if path.suffix.lower() in FORMATS else path.name
+            self.path = str(path.with_name(stem + suffix))
         else:
             self.propose()
 

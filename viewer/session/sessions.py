@@ -22,7 +22,7 @@ from runtime.session.library import SessionSummary
 from runtime.session.lost import LostTake
 from runtime.session.session import ModelName, Take
 from runtime.session.session_file import SessionFile
-from runtime.session.sqlite_file import SUFFIX, FileInUse, lock_of, side_files
+from runtime.session.sqlite_file import ROOM_REMEDY, SUFFIX, FileInUse, file_errors, lock_of, side_files
 from runtime.takes.metadata import origin_of
 from runtime.takes.pose_edits import NO_EDITS
 from viewer.editor import Editor
@@ -42,7 +42,6 @@ VIEW_INTERVAL_S = 10.0  # between two times at which the view is written
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
 LOST, RECOVERY = Slot("lost takes"), Slot("recovery of takes")
 PROBLEM = Slot("file of the session")  # a topic of messages
-RESIMULATION = Slot("resimulation of a take")
 UNFINISHED = "unfinished"  # under which a file says what an end of the program cut short
 CLOSE_LIMIT_S = 1.0  # no more than an end of the program has
 MENTION_AFTER_S = 0.2  # an end that waits longer says so
@@ -64,7 +63,8 @@ def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
         with removed_when_ended(path, *side_files(path), lock_of(path)):
             return SessionFile.create(path, cache), ""
     except SportError as error:
-        place = Path(tempfile.mkdtemp(prefix="sport-"))
+        with file_errors(path, ROOM_REMEDY):
+            place = Path(tempfile.mkdtemp(prefix="sport-"))
         file = SessionFile.create(library.new_path(place), place / "characters")
         return file, f"{error.problem} This session is in {file.path} until you save it elsewhere."
 
@@ -133,7 +133,11 @@ class Sessions:
     def new(self) -> None:
         """Start an empty session with the same ground and character; the old one stays in its file."""
         before = self.editor.session
-        file, problem = first_file(self.untitled_folder, self.folder / "characters")
+        try:
+            file, problem = first_file(self.untitled_folder, self.folder / "characters")
+        except SportError as error:
+            self.messages.error(error)
+            return
         history = History()
         live = replace(before.live, path=(), cameras=(), poses=NO_EDITS)
         history.replace(
@@ -245,11 +249,9 @@ class Sessions:
     def recover(self, *lost: LostTake) -> None:
         """Put lost takes with their edits into the list again, as many as it has room for."""
         file, room = self.editor.file, MAX_TAKES - len(self.editor.session.takes)
-        if room < 1:
-            self.messages.warn("The list of takes is full. Remove some first.")
-            return
-        if self.jobs.busy(RECOVERY):
-            self.messages.warn("Other takes are being recovered: wait until they are in the list.")
+        if room < 1 or self.jobs.busy(RECOVERY):
+            full = "The list of takes is full. Remove some first."
+            self.messages.warn(full if room < 1 else "Other takes are being recovered: wait for them.")
             return
         lost = lost[-room:]
         what = lost[0].name if len(lost) == 1 else count_takes(len(lost))
@@ -271,6 +273,7 @@ class Sessions:
     # --- from one session to the other
 
     def _use(self, file: SessionFile, history: History) -> None:
+        self.note_unfinished()
         self.editor.end_running()
         self.editor.finish_drag()
         self.takes.end_recording()
@@ -423,9 +426,10 @@ class Sessions:
             self.messages.error(f"The session is in {file.path}.")
 
     def note_unfinished(self) -> None:
-        """Report work that the program's end interrupts, now and when the session is opened again."""
-        if self.jobs.busy(RESIMULATION):
-            text = f"The {RESIMULATION.what} was not finished when the program ended: do that edit again."
+        """Report steps whose jobs are ended with the session, now and when it is opened again."""
+        labels = ", ".join(step.label for step in self.editor.history.steps if step.awaited)
+        if labels:
+            text = f"{labels[:1].upper()}{labels[1:]} was not finished: do that again."
             self.editor.file.set_meta(UNFINISHED, text)
             self.messages.warn(text)
 

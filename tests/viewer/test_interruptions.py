@@ -231,6 +231,20 @@ def test_an_answer_to_a_variant_is_not_for_another_session(
     assert app.editor.session.variants == variants
 
 
+def test_a_session_whose_opening_was_stopped_opens_again_and_not_as_a_copy(
+    app: App, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record(app)
+    save_and_leave(app, tmp_path / "a.sport")
+    gate = Gate(app, monkeypatch, app.sessions, "_read")
+    app.sessions.open(tmp_path / "a.sport")
+    app.jobs.cancel_reading()
+    gate.open()
+    run_until(app, lambda: not any(thread.name == "sport reading" for thread in threading.enumerate()))
+    another_session(app, tmp_path / "a.sport")
+    assert app.sessions.path == tmp_path / "a.sport"
+
+
 # --- the start
 def test_a_session_that_was_moved_away_does_not_stop_the_start(app: App, tmp_path: Path) -> None:
     app.settings.recent_sessions = [str(tmp_path / "gone.sport")]

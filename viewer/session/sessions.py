@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial, reduce
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -156,8 +157,22 @@ class Sessions:
         if os.path.realpath(path) == str(self.editor.file.path):
             self.messages.note(f"{path.name} is open already.")
             return
+        opened, unwanted = list[SessionFile](), threading.Event()
+
+        def read() -> tuple[SessionFile, History, str]:
+            found = self._read(path)
+            opened.append(found[0])
+            if unwanted.is_set():
+                found[0].close(CLOSE_LIMIT_S)
+            return found
+
+        def let_go() -> None:  # else the file stays locked, and opens as a copy the next time
+            unwanted.set()
+            for file in opened:
+                file.close(CLOSE_LIMIT_S)
+
         self.jobs.submit(
-            OPENING, partial(self._read, path), lambda found: self._opened(path, *found), reading=path.name
+            OPENING, read, lambda found: self._opened(path, *found), reading=path.name, cancel=let_go
         )
 
     def _read(self, path: Path) -> tuple[SessionFile, History, str]:

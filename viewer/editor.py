@@ -46,11 +46,6 @@ class Editor:
         """Whether a drag is in progress."""
         return self._draft is not None
 
-    @property
-    def moves(self) -> int:
-        """How often a step was made, undone or redone. A drag of the mouse ends when one is: what it holds may be gone."""
-        return self.history.moves
-
     def do(self, label: str, change: Change) -> bool:
         """Apply a change as a step of undo, labelled in the user's words; return whether anything changed."""
         self.finish_drag()

@@ -16,6 +16,7 @@ from runtime.terrain.library import load_terrain
 from viewer.settings import CAMERAS, QUALITIES, VIEWS
 
 SIDES = (64, 8192)  # pixels
+MAX_SEED = (1 << 62) - 1  # that a session holds
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class ViewOptions:
     joint_map: Path | None = None  # JSON of its joints, in place of the one in its folder
     clip: Path | None = None  # BVH to open
     session: str | None = None  # file of a session, or "last"
-    seed: int = specified(0, 0, flag="--seed")
+    seed: int = specified(0, 0, MAX_SEED, flag="--seed")
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
     camera: str | None = specified(None, choices=CAMERAS | VIEWS, flag="--camera")
     response: float | None = specified(None, 0.0, 1.0, flag="--response")

@@ -29,7 +29,8 @@ class History:
 
     steps: list[Step] = field(default_factory=lambda: [Step(0, "", Session())])
     at: int = 0  # index of the present step
-    moves: int = field(default=0, compare=False)  # from one step to another that were made
+    # steps that were made, undone and redone: a drag of the mouse ends with one, as what it holds may be gone
+    moves: int = field(default=0, compare=False)
 
     @property
     def present(self) -> Step:

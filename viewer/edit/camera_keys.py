@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.errors import SportError
 from runtime.pose import FPS, Pose
-from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
+from runtime.takes.camera_keys import CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
@@ -52,8 +52,6 @@ class CameraKeys:
     def add(self) -> None:
         """Key the current view at the frame shown; keys of the live character go into the recording."""
         playback, take = self.takes.playback, self.takes.played or self.editor.session.live
-        if len(take.cameras) >= MAX_KEYS:
-            return
         scene = self.takes.scene
         if playback is None:
             seconds, fps, pose, terrain = scene.now, float(FPS), scene.simulation.current, scene.terrain
@@ -66,10 +64,10 @@ class CameraKeys:
         x, y, z = (float(v) for v in offset)
         try:
             key = CameraKey(seconds, camera.yaw, camera.pitch, camera.distance, x, y, z)
+            keys = with_key(take.cameras, key, fps)
         except SportError as error:
             self.editor.messages.error(error)
             return
-        keys = with_key(take.cameras, key, fps)
         self.editor.put(f"camera key of {take.title}", take.number, cameras=keys)
         self.control.keyed = playback is not None and len(keys) > 1
         self.editor.messages.note(

@@ -52,7 +52,7 @@ class Grab:
     value: float  # in the plot's axes
     before: KeyedCurves  # what was there then
     chosen: frozenset[CurveKey]  # likewise
-    moves: int  # of the editor: after more nothing is dragged
+    moves: int  # of the history: after more nothing is dragged
 
 
 @dataclass
@@ -334,7 +334,7 @@ class GraphEditor:
 
     def _mouse(self, curves: KeyedCurves, channels: list[Channel], playback: Playback) -> None:
         mouse = implot.get_plot_mouse_pos()
-        if self._grab is not None and self._grab.moves != self.editor.moves:
+        if self._grab is not None and self._grab.moves != self.editor.history.moves:
             self._grab = None
         if self._grab is None and implot.is_plot_hovered():
             near = self._near(curves, channels)
@@ -369,7 +369,9 @@ class GraphEditor:
         if what == "box" and not adds:
             self.chosen = frozenset()
         self.editor.finish_drag()
-        self._grab = Grab(what, mouse.x, mouse.y, curves, self.chosen, self.editor.moves) if what else None
+        self._grab = (
+            Grab(what, mouse.x, mouse.y, curves, self.chosen, self.editor.history.moves) if what else None
+        )
 
     def _carry(self, grab: Grab, playback: Playback, mouse: implot.Point) -> None:
         if grab.what == "frame":

@@ -27,7 +27,7 @@ class Handles:
 
     held: int = -1  # -1 for none
     pressed: bool = False  # in this frame, where no panel has the mouse
-    _moves: int = 0  # of the editor, when it was grabbed
+    _moves: int = 0  # of the history, when it was grabbed
 
     def use_mouse(self, editor: Editor, camera: Camera, points: Array) -> bool:
         """Grab the nearest of `points` `(n, 3)` or release it; return whether a grabbed point is dragged in this frame."""
@@ -35,8 +35,11 @@ class Handles:
         self.pressed = imgui.is_mouse_clicked(0) and not io.want_capture_mouse
         if self.pressed:
             editor.finish_drag()
-            self.held, self._moves = _nearest(camera, points, io.mouse_pos, io.display_size), editor.moves
-        elif self._moves != editor.moves or not imgui.is_mouse_down(0):
+            self.held, self._moves = (
+                _nearest(camera, points, io.mouse_pos, io.display_size),
+                editor.history.moves,
+            )
+        elif self._moves != editor.history.moves or not imgui.is_mouse_down(0):
             self.held = -1
         return self.held >= 0 and not self.pressed and bool(io.mouse_delta.x or io.mouse_delta.y)
 

@@ -176,7 +176,11 @@ class Pins:
             if not held:
                 self.editor.messages.warn(self.fixed)
             return
-        poses = replace(take.poses, pins=pins)
+        try:
+            poses = replace(take.poses, pins=pins)
+        except SportError as error:
+            self.editor.messages.error(error)
+            return
         if held:
             self.editor.put(label, take.number, held, poses=poses)
         elif self.editor.do(

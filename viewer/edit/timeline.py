@@ -52,7 +52,7 @@ class Held:
     part: Part
     grabbed: int
     items: Items
-    moves: int  # of the editor: after more the mouse holds nothing any more
+    moves: int  # of the history: after more the mouse holds nothing any more
     snaps: tuple[int, ...] = ()
     snapped: int | None = None
     by: int = 0
@@ -88,7 +88,8 @@ class Timeline:
     def _follow(self, playback: Playback) -> None:
         """Keep the range within the take, and the frame in it when it goes on or is sought."""
         (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
-        if take != playback.number:
+        moves = self.selection.editing.takes.editor.history.moves
+        if take != playback.number or (self.held is not None and self.held.moves != moves):
             self.held = self.box = None
         if take != playback.number or (end != self.shown.end and self.whole):
             self.shown, self._zero = Range(0.0, end, end), playback.take.numbered_from
@@ -284,7 +285,7 @@ class Timeline:
         if item is not None or track.move is not None:
             editor = selection.editing.takes.editor
             editor.finish_drag()
-            self.held = Held(track.key, mark, part, frame, items, editor.moves, self._snaps(playback))
+            self.held = Held(track.key, mark, part, frame, items, editor.history.moves, self._snaps(playback))
 
     def _snaps(self, playback: Playback) -> tuple[int, ...]:
         """Return the frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""
@@ -296,7 +297,7 @@ class Timeline:
 
     def _carry(self, held: Held, row: Row, frame: int, playback: Playback) -> None:
         track, by = row.track, frame - held.grabbed
-        if track.fixed or not (by or held.moved) or self._is_over(held):
+        if track.fixed or not (by or held.moved):
             return
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         if track.move is not None:
@@ -307,9 +308,6 @@ class Timeline:
         if by != held.by or not held.moved:
             self._move(held, by, playback, held=True)
         self.held = replace(held, moved=True, by=by, snapped=snapped)
-
-    def _is_over(self, held: Held) -> bool:
-        return held.moves != self.selection.editing.takes.editor.moves
 
     def _snapped(self, held: Held, by: int, row: Row) -> tuple[int, int | None]:
         """Return the frames to move by and what they snap to: the nearest frame to snap to where one is near; Alt snaps to none."""
@@ -337,7 +335,7 @@ class Timeline:
         held, box, self.held, self.box = self.held, self.box, None, None
         if box is not None:
             self._end_box(box, frame, playback)
-        elif held is None or (held.mark.item is None and held.moved) or self._is_over(held):
+        elif held is None or (held.mark.item is None and held.moved):
             return
         elif held.moved:
             self._move(held, held.by, playback)

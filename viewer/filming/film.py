@@ -126,7 +126,7 @@ def count_frames(clip: Clip, fps: float) -> int:
     count = max(1, round(len(clip) / clip.fps * fps))
     if count > MAX_FRAMES:
         raise UsageError(
-            f"{count} frames of film: expected {MAX_FRAMES} at most.", "Choose a shorter --range."
+            f"{count} frames of film: expected {MAX_FRAMES} at most.", "Choose a shorter range."
         )
     return count
 

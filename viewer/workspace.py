@@ -57,7 +57,7 @@ from viewer.scene.scene import MANNEQUIN, SHIPPED, WALKER, Scene
 from viewer.screenshots import Screenshots
 from viewer.services import Services
 from viewer.session.opening import open_file
-from viewer.session.sessions import Sessions, first_file
+from viewer.session.sessions import Sessions
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 from viewer.shell import Shell, ShellState
@@ -84,7 +84,7 @@ class Workspace:
         if options.response is not None:
             settings.response = options.response
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
-        file, problem = first_file(state_folder / "sessions", state_folder / "characters")
+        file, problem = library.first_file(state_folder / "sessions", state_folder / "characters")
         if problem:
             messages.warn(problem)
         self.editor = editor = Editor(messages, file)

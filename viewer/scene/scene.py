@@ -316,11 +316,8 @@ class Scene:
 
     def _load_choice(self, choice: CharacterChoice) -> None:
         """Show the character that the session says, from the session's own files."""
-        self._choice = choice
-
-        self._load_character(
-            partial(self.read_choice, choice), lambda loaded: self._take_character(*loaded), None
-        )
+        self._choice, load = choice, partial(self.read_choice, choice)
+        self._load_character(load, lambda loaded: self._take_character(*loaded), None)
 
     def read_character(self, path: Path | None, joint_map: Path | None = None) -> LoadedCharacter:
         """Load the character of a file together with the content to store in the session; thread-safe. Raises FileError."""

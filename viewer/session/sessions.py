@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 import tempfile
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
 from runtime.assets import model_folder, model_hashes, shipped_models
 from runtime.errors import SportError
-from runtime.interrupts import removed_when_ended
 from runtime.safe_read import expanded
 from runtime.session import edits, library
 from runtime.session.document_reader import MAX_TAKES
@@ -23,7 +21,7 @@ from runtime.session.library import SessionSummary
 from runtime.session.lost import LostTake
 from runtime.session.session import ModelName, Take
 from runtime.session.session_file import SessionFile
-from runtime.session.sqlite_file import ROOM_REMEDY, SUFFIX, FileInUse, file_errors, lock_of, side_files
+from runtime.session.sqlite_file import SUFFIX, FileInUse
 from runtime.takes.metadata import origin_of
 from runtime.takes.pose_edits import NO_EDITS
 from viewer.editor import Editor
@@ -55,19 +53,6 @@ PLACES = {
     "x": (-1e5, 1e5), "z": (-1e5, 1e5), "facing": (-1e5, 1e5),
     "yaw": (-1e3, 1e3), "pitch": (-1.5, 1.5), "distance": (0.5, 60.0),
 }  # fmt: skip
-
-
-def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
-    """Create the file of an untitled session; also return why it is not in `folder`, or ""."""
-    path = library.new_path(folder)
-    try:
-        with removed_when_ended(path, *side_files(path), lock_of(path)):
-            return SessionFile.create(path, cache), ""
-    except SportError as error:
-        with file_errors(path, ROOM_REMEDY):
-            place = Path(tempfile.mkdtemp(prefix="sport-"))
-        file = SessionFile.create(library.new_path(place), place / "characters")
-        return file, f"{error.problem} This session is in {file.path} until you save it elsewhere."
 
 
 @dataclass
@@ -135,7 +120,7 @@ class Sessions:
         """Start an empty session with the same ground and character; the old one stays in its file."""
         before = self.editor.session
         try:
-            file, problem = first_file(self.untitled_folder, self.folder / "characters")
+            file, problem = library.first_file(self.untitled_folder, self.folder / "characters")
         except SportError as error:
             self.messages.error(error)
             return
@@ -157,23 +142,10 @@ class Sessions:
         if os.path.realpath(path) == str(self.editor.file.path):
             self.messages.note(f"{path.name} is open already.")
             return
-        opened, unwanted = list[SessionFile](), threading.Event()
-
-        def read() -> tuple[SessionFile, History, str]:
-            found = self._read(path)
-            opened.append(found[0])
-            if unwanted.is_set():
-                found[0].close(CLOSE_LIMIT_S)
-            return found
-
-        def let_go() -> None:  # else the file stays locked, and opens as a copy the next time
-            unwanted.set()
-            for file in opened:
-                file.close(CLOSE_LIMIT_S)
-
         self.jobs.submit(
-            OPENING, read, lambda found: self._opened(path, *found), reading=path.name, cancel=let_go
-        )
+            OPENING, partial(self._read, path), lambda found: self._opened(path, *found), reading=path.name,
+            unwanted=lambda found: found[0].close(CLOSE_LIMIT_S),  # else it stays locked, and opens as a copy
+        )  # fmt: skip
 
     def _read(self, path: Path) -> tuple[SessionFile, History, str]:
         try:

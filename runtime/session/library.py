@@ -165,16 +165,10 @@ def _summary(path: Path) -> SessionSummary | None:
         recordings = len(database.frame_counts())
         if not (takes + recordings or (edits and database.steps())):
             return None
-        return SessionSummary(
-            path,
-            database.meta("name") or "Untitled",
-            database.meta("ended") == "1",
-            saved_s,
-            takes,
-            max(0.0, min(float(database.meta("seconds", "0")), 1e9)),  # a number also where it says none
-            database.meta_bytes("picture"),
-            recordings,
-        )
+        seconds = max(0.0, min(float(database.meta("seconds", "0")), 1e9))  # a number also where it says none
+        name, ended = database.meta("name") or "Untitled", database.meta("ended") == "1"
+        picture = database.meta_bytes("picture")
+        return SessionSummary(path, name, ended, saved_s, takes, seconds, picture, recordings)
     except (FileError, ValueError):
         return damaged
     finally:

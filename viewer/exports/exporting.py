@@ -188,13 +188,9 @@ class Exporting(ExportField):
         self.report, self.progress, self.saved = "", (0, 0), None
         self._cancel.clear()
         self.jobs.submit(
-            SLOT,
-            named,
-            lambda text: self._done(take, held, path, text),
-            self._failed,
-            writing=f"the export of {take.title}",
-            cancel=self.cancel if form.format.film else None,
-        )
+            SLOT, named, lambda text: self._done(take, held, path, text), self._failed,
+            writing=f"the export of {take.title}", cancel=self.cancel if form.format.film else None,
+        )  # fmt: skip
 
     def cancel(self) -> None:
         """Cancel the export in progress; no file is kept."""

@@ -215,11 +215,9 @@ class Sessions:
         path, file = _with_suffix(path), self.editor.file
         self._write_view()
         self.jobs.submit(
-            COPYING,
-            lambda: file.save_copy(path),
-            lambda _: self.messages.note(f"Saved a copy as {path}.", path),
-            writing=f"the copy {path.name}",
-        )
+            COPYING, lambda: file.save_copy(path), writing=f"the copy {path.name}",
+            done=lambda _: self.messages.note(f"Saved a copy as {path}.", path),
+        )  # fmt: skip
 
     def revert(self) -> None:
         """Restore the session as it was when opened, as a step of undo."""

@@ -39,7 +39,7 @@ def model_folder(model: Path | str | None = None) -> Path:
     if model is None:
         return asset_path(f"models/{DEFAULT_MODEL}")
     named = shipped_models() if Path(model).parent == Path() and not str(model).startswith(".") else {}
-    if named and str(model) not in named and not Path(model).exists():
+    if named and str(model) not in named and not os.path.exists(model):
         raise FileError(
             f"--model {model}: no model of this name is shipped, and there is no such folder.",
             f"Shipped: {', '.join(named)}. Or name the folder of an exported model.",
@@ -50,7 +50,7 @@ def model_folder(model: Path | str | None = None) -> Path:
 def character_file(name: str | Path) -> Path:
     """Return the file of a shipped character (`walker`), or the path itself if no such character is shipped."""
     shipped = PROJECT_ROOT / "assets" / "character" / f"{name}.glb"
-    return shipped if Path(name).parent == Path() and shipped.is_file() else Path(name)
+    return shipped if Path(name).parent == Path() and os.path.isfile(shipped) else Path(name)
 
 
 def model_name(folder: Path | None) -> str:

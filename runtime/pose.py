@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 /
 
 def video_rate(fps: float) -> float:
     """Return the exact video rate or integer for a rounded rate (29.97 is 30000 / 1001), else the rate to a thousandth."""
+    if not isfinite(fps):
+        return fps
     nearest = min((*VIDEO_RATES, max(round(fps), 1)), key=lambda rate: abs(fps - rate))
     return float(nearest) if abs(fps - nearest) < 2e-4 * nearest else float(round(fps, 3))
 

@@ -81,6 +81,11 @@ def check_source(path: str | Path) -> None:
         raise FileError(f"{path}: {why}.", "Check the path.") from problem
 
 
+def expanded(path: str | Path) -> Path:
+    """Return a path with the home folder for its "~"; unlike `Path.expanduser`, as it is for a user who does not exist."""
+    return Path(os.path.expanduser(path))
+
+
 def _size(limit: int) -> str:
     return f"{limit >> 20} MB" if limit >= 1 << 20 else f"{limit} bytes"
 

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from runtime.takes.pins import Pinned
-from runtime.terrain.files import write_height_png
 from tests.helpers import hand
 from tests.helpers.app_driver import run as show
+from tests.helpers.height_maps import write_height_png
 from tests.helpers.viewer_fakes import fake_services
 from viewer.app import App
 from viewer.input.bindings import Action

@@ -35,8 +35,8 @@ class Editor:
     session: Session = field(init=False)  # what holds now, with the drag under way
     _draft: Session | None = None
     _draft_label: str = ""
-    # by the numbers of the steps that jobs still make: what ends the job
-    _running: dict[int, Callable[[], None]] = field(default_factory=dict)
+    # by the numbers of the steps that jobs still make: the job
+    _running: dict[int, tuple[Jobs, Slot]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.opened = self.session = self.history.present.session
@@ -74,9 +74,11 @@ class Editor:
         has its object. `begin` is applied at once. `about` are further arguments of `Jobs.submit`.
         """
         self.finish_drag()
+        for older in [number for number, (_, of) in self._running.items() if of == slot]:
+            self._abandon(older)  # its job makes room for this one
         before = self.session
         number = self.history.push(label, begin(before), awaited=True).number
-        self._running[number] = partial(jobs.end_slot, slot)
+        self._running[number] = jobs, slot
         self._tell(before)
 
         def land(result: Any) -> None:
@@ -94,9 +96,10 @@ class Editor:
 
     def _abandon(self, number: int) -> None:
         """Drop a step that a job was to make, and end the job."""
-        end, before = self._running.pop(number, None), self.session
-        if end is not None:
-            end()
+        running, before = self._running.pop(number, None), self.session
+        if running is not None:
+            jobs, slot = running
+            jobs.end_slot(slot)
             self.history.drop(number)
             self._changed(before)
 

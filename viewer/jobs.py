@@ -48,6 +48,7 @@ class _Job:
     writing: str = ""  # what is written: the end of the program waits for it
     doing: str = ""  # what else the status line says of it
     cancel: Callable[[], None] | None = None  # ends it early
+    unwanted: Callable[[Any], object] | None = None  # gets the result if it comes no more
     begun: float = field(default_factory=time.monotonic)
     dropped: bool = False  # its result comes no more
     told: bool = False  # what is wrong with its file has been said by another job that read it too
@@ -86,17 +87,19 @@ class Jobs:
         writing: str = "",
         doing: str = "",
         cancel: Callable[[], None] | None = None,
+        unwanted: Callable[[Any], object] | None = None,
     ) -> None:
         """Run `work` on a thread, then `done(result)` on this one; a failure is shown and passed to `failed`.
 
         `reading` is the name of a file being read, which the user can cancel. `writing` and `doing` say what is written
-        or done, in words for the user. `cancel` ends a running job early.
+        or done, in words for the user. `cancel` ends a running job early. `unwanted(result)` lets go of what a dropped
+        job has opened, on any thread.
         """
         before = [job.future for job in self._of(slot, writing=True)]
         if not writing:
             self._drop(self._of(slot, writing=False))
         future: Future[Any] = Future()
-        self._jobs.append(_Job(slot, future, done, failed, reading, writing, doing, cancel))
+        self._jobs.append(_Job(slot, future, done, failed, reading, writing, doing, cancel, unwanted))
 
         def run() -> None:
             wait(before if writing else ())
@@ -130,6 +133,8 @@ class Jobs:
             job.dropped = True
             if not job.future.cancel() and job.cancel is not None:
                 job.cancel()
+            if job.unwanted is not None:
+                job.future.add_done_callback(partial(_let_go, job.unwanted))
 
     def shown(self) -> tuple[str, Callable[[], None] | None]:
         """Return the status text of a job that takes a while, and a function that cancels it; "" and None without one."""
@@ -231,6 +236,11 @@ def _run(work: Callable[[], Any], future: Future[Any]) -> None:
             future.set_result(work())
         except BaseException as error:  # whatever it is, it is raised where the result is requested
             future.set_exception(error)
+
+
+def _let_go(unwanted: Callable[[Any], object], future: Future[Any]) -> None:
+    if not future.cancelled() and future.exception() is None:
+        unwanted(future.result())
 
 
 def _for_animators(job: _Job, error: Exception) -> SportError:

@@ -11,11 +11,12 @@ from runtime.atomic import check_target
 from runtime.errors import UsageError
 from runtime.options import Spec, spec_of, specified
 from runtime.prompts.blend import ALL_A, Weights
-from runtime.safe_read import check_source
+from runtime.safe_read import check_source, expanded
 from runtime.terrain.library import load_terrain
 from viewer.settings import CAMERAS, QUALITIES, VIEWS
 
 SIDES = (64, 8192)  # pixels
+MAX_SEED = (1 << 62) - 1  # that a session holds
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class ViewOptions:
     frames: int | None = specified(None, 1, 1_000_000, flag="--frames")
     screenshot: Path | None = None  # PNG of the last frame
     frames_directory: Path | None = None  # offscreen: every frame as frame_00000.png
-    width: int | None = specified(None, *SIDES, flag="--width", unit=" pixels")
-    height: int | None = specified(None, *SIDES, flag="--height", unit=" pixels")
+    width: int | None = specified(None, *SIDES, flag="--size", unit=" pixels")
+    height: int | None = specified(None, *SIDES, flag="--size", unit=" pixels")
     ui_scale: float | None = specified(None, 0.5, 4.0, flag="--ui-scale")  # 1.0 is 96 dpi
     panels: bool = True
     terrain: str | None = None  # a name of the library or a file
@@ -45,7 +46,7 @@ class ViewOptions:
     joint_map: Path | None = None  # JSON of its joints, in place of the one in its folder
     clip: Path | None = None  # BVH to open
     session: str | None = None  # file of a session, or "last"
-    seed: int = specified(0, 0, flag="--seed")
+    seed: int = specified(0, 0, MAX_SEED, flag="--seed")
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
     camera: str | None = specified(None, choices=CAMERAS | VIEWS, flag="--camera")
     response: float | None = specified(None, 0.0, 1.0, flag="--response")
@@ -69,15 +70,15 @@ class ViewOptions:
         if self.frames_directory is not None:
             if not self.offscreen:
                 raise UsageError("--save-frames: works with --offscreen only.", "Add --offscreen.")
-            check_target(self.frames_directory.expanduser() / "frame_00000.png")
+            check_target(expanded(self.frames_directory) / "frame_00000.png")
         if self.screenshot is not None:
-            check_target(self.screenshot.expanduser())
+            check_target(expanded(self.screenshot))
 
     def _check_sources(self) -> None:
         """FileError or TerrainError where a file or ground is named that is not there."""
         session = Path(self.session) if self.session and self.session != "last" else None
         for path in filter(None, (session, self.clip, self.character, self.joint_map)):
-            check_source(path.expanduser())
+            check_source(expanded(path))
         if self.terrain is not None and not os.path.exists(self.terrain):
             load_terrain(self.terrain)  # made quickly, or refused with the list of names
 

@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from runtime.safe_read import expanded
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.render.offscreen import save_png
@@ -23,7 +24,7 @@ class Screenshots:
 
     def ask(self) -> None:
         name = time.strftime("sport-%Y%m%d-%H%M%S.png")  # another of the same second may have it
-        self._next = Path(self.settings.export_folder).expanduser() / name
+        self._next = expanded(self.settings.export_folder) / name
 
     def capture(self, window: Window, number: int) -> None:
         if self.folder is not None:

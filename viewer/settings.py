@@ -19,7 +19,7 @@ from runtime.errors import FileError
 from runtime.motion.controller import TEMPERATURE
 from runtime.options import spec_of, specified
 from runtime.prompts.gpt.settings import has_credentials
-from runtime.safe_read import is_text, parse_json, read_bounded
+from runtime.safe_read import expanded, is_text, parse_json, read_bounded
 from viewer.jobs import Jobs, Slot
 
 MAX_FILE_BYTES = 1_000_000
@@ -147,7 +147,7 @@ def config_directory(environment: dict[str, str] | None = None) -> Path:
     if env.get("SPORT_CONFIG_DIR"):
         return Path(env["SPORT_CONFIG_DIR"])
     base = env.get("XDG_CONFIG_HOME") or "~/.config"
-    return Path(base).expanduser() / "sport-viewer"
+    return expanded(base) / "sport-viewer"
 
 
 def under_home(path: Path) -> str:

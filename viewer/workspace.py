@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ from runtime.assets import character_file
 from runtime.atomic import sweep
 from runtime.interrupts import undo_when_ended
 from runtime.pose import Pose
+from runtime.safe_read import expanded
 from runtime.session import library
 from runtime.takes.input_recording import InputRecorder
 from viewer.compare import panel as compare_panel
@@ -55,7 +57,7 @@ from viewer.scene.scene import MANNEQUIN, SHIPPED, WALKER, Scene
 from viewer.screenshots import Screenshots
 from viewer.services import Services
 from viewer.session.opening import open_file
-from viewer.session.sessions import Sessions, first_file
+from viewer.session.sessions import Sessions
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 from viewer.shell import Shell, ShellState
@@ -82,7 +84,7 @@ class Workspace:
         if options.response is not None:
             settings.response = options.response
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
-        file, problem = first_file(state_folder / "sessions", state_folder / "characters")
+        file, problem = library.first_file(state_folder / "sessions", state_folder / "characters")
         if problem:
             messages.warn(problem)
         self.editor = editor = Editor(messages, file)
@@ -229,7 +231,7 @@ class Workspace:
         name = self.settings.character
         if name in SHIPPED:
             return None if name == MANNEQUIN else character_file(name)
-        if Path(name).is_file():
+        if os.path.isfile(name):
             return Path(name)
         self.messages.warn(f"The character {name} is missing: the walker is shown.")
         return character_file(WALKER)
@@ -249,7 +251,7 @@ class Workspace:
 
     def _sweep(self) -> None:
         """Remove what a killed program has left half written in the folders that are written to."""
-        folders = {Path(self.settings.export_folder).expanduser(), self.sessions.untitled_folder}
+        folders = {expanded(self.settings.export_folder), self.sessions.untitled_folder}
         for folder in folders | {path.parent for path in self.sessions.recent}:
             sweep(folder)
 

@@ -6,6 +6,7 @@ Meshes, skins, nodes, base colours and textures are kept; animations where motio
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -315,4 +316,6 @@ def _image(texture: Any, source: Path) -> bytes | None:
 def _file_beside(source: Path, name: str) -> bytes:
     """The bytes of a texture's file where exporters put it; none where it is in none of these folders."""
     folders = (source.parent, source.with_suffix(".fbm"), source.parent / "textures")
-    return next((path.read_bytes() for folder in folders if name and (path := folder / name).is_file()), b"")
+    return next(
+        (path.read_bytes() for folder in folders if name and os.path.isfile(path := folder / name)), b""
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -53,4 +54,4 @@ def save_joint_map(character: str | Path, joints: Mapping[str, str]) -> Path:
 def saved_joint_map(character: str | Path) -> dict[str, str]:
     """Return the joint map next to a character file, empty if there is none; FileError if it is damaged."""
     path = joint_map_path(character)
-    return read_joint_map(path) if path.is_file() else {}
+    return read_joint_map(path) if os.path.isfile(path) else {}

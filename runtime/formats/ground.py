@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def ground_spec(clip: Clip, clip_path: Path | None = None, chosen: str | None = 
         return clip.terrain
     for folder in (None, clip_path and clip_path.parent):
         place = Path(clip.terrain) if folder is None else folder / Path(clip.terrain).name
-        if place.is_file():
+        if os.path.isfile(place):  # unlike `Path.is_file`, also where the name is too long
             return str(place)
     raise FileError(
         f"{clip_path or clip.name}: made on the ground {Path(clip.terrain).name}, which is not next to it.",

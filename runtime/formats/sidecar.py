@@ -10,6 +10,7 @@ import hashlib
 import itertools
 import json
 import logging
+import os
 from dataclasses import asdict
 from operator import itemgetter
 from pathlib import Path
@@ -111,7 +112,7 @@ def read_sidecar(bvh: Path) -> Any:
     Damage is only logged as a warning: a motion can be opened whatever is next to it.
     """
     path = sidecar_path(bvh)
-    if not path.is_file():
+    if not os.path.isfile(path):  # also where its name is too long
         return None
     try:
         value = parse_json(read_bounded(path, MAX_BYTES))

@@ -51,7 +51,6 @@ from runtime.takes.input_recording import (
 )
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
-from runtime.takes.pins import MAX_PINS
 from runtime.takes.pose_edits import PoseEdits
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
@@ -304,8 +303,7 @@ def _numbers(session: Session) -> list[int]:
 
 
 def _few_edits(take: Take) -> bool:
-    edits = take.poses.pins, take.poses.footplants, take.poses.layer.keys
-    return len(take.cameras) <= MAX_KEYS and len(take.path) <= MAX_POINTS and max(map(len, edits)) <= MAX_PINS
+    return len(take.cameras) <= MAX_KEYS and len(take.path) <= MAX_POINTS
 
 
 def _on_a_foot(edit: FootplantEdit) -> bool:

@@ -87,13 +87,13 @@ def split(session: Session, number: int, frame: int) -> Session:
 
 
 def resimulated(session: Session, number: int, motion: Motion) -> Session:
-    """Return the session with a take's motion replaced; a trim up to its end stays at the new end."""
+    """Return the session with a take's motion replaced; a trim up to its end stays at the new end, if that is not before it."""
     take = session.take(number)
     if take is None or take.motion is None:
         return session
-    trim = take.trim
+    trim, end = take.trim, motion.header.frames - 1
     if trim is not None and trim[1] >= take.frames - 1:
-        trim = (trim[0], motion.header.frames - 1)
+        trim = (trim[0], end) if trim[0] < end else None
     return session.with_take(number, motion=motion, trim=trim)
 
 

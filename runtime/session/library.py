@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import re
+import tempfile
 import time
 import uuid
 from dataclasses import dataclass
@@ -16,15 +17,20 @@ from pathlib import Path
 
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, SportError
+from runtime.interrupts import removed_when_ended
 from runtime.safe_read import parse_json, read_bounded
 from runtime.session.database import Database
 from runtime.session.renewal import is_damage
+from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import (
+    ROOM_REMEDY,
     SUFFIX,
     Budget,
     drop_lock,
+    file_errors,
     is_held,
     kept_aside,
+    lock_of,
     side_files,
     take_lock,
     unwritten_files,
@@ -63,6 +69,19 @@ def new_path(folder: Path) -> Path:
         if found is not None and (found[1], int(found[2])) >= (stamp, serial):
             stamp, serial = found[1], int(found[2]) + 1
     return folder / f"{stamp}-{serial:04d}-{uuid.uuid4().hex[:8]}{SUFFIX}"
+
+
+def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
+    """Create the file of an untitled session; also return why it is not in `folder`, or ""."""
+    path = new_path(folder)
+    try:
+        with removed_when_ended(path, *side_files(path), lock_of(path)):
+            return SessionFile.create(path, cache), ""
+    except SportError as error:
+        with file_errors(path, ROOM_REMEDY):
+            place = Path(tempfile.mkdtemp(prefix="sport-"))
+        file = SessionFile.create(new_path(place), place / "characters")
+        return file, f"{error.problem} This session is in {file.path} until you save it elsewhere."
 
 
 def find(folder: Path) -> list[SessionSummary]:
@@ -131,7 +150,8 @@ def _sessions(folder: Path) -> list[Path]:
 
 def _summary(path: Path) -> SessionSummary | None:
     """Return what a session holds; None where that is nothing. FileError or OSError for no session, or a later one."""
-    saved_s = max(os.stat(file).st_mtime for file in (path, *side_files(path)[:1]) if file.exists())
+    log = side_files(path)[0]
+    saved_s = max(os.stat(file).st_mtime for file in ((path, log) if log.exists() else (path,)))
     damaged = SessionSummary(path, "Untitled", False, saved_s, 0, 0.0, b"", damaged=True)
     try:
         database = Database.read(path, thorough=False)
@@ -145,16 +165,10 @@ def _summary(path: Path) -> SessionSummary | None:
         recordings = len(database.frame_counts())
         if not (takes + recordings or (edits and database.steps())):
             return None
-        return SessionSummary(
-            path,
-            database.meta("name") or "Untitled",
-            database.meta("ended") == "1",
-            saved_s,
-            takes,
-            max(0.0, min(float(database.meta("seconds", "0")), 1e9)),  # a number also where it says none
-            database.meta_bytes("picture"),
-            recordings,
-        )
+        seconds = max(0.0, min(float(database.meta("seconds", "0")), 1e9))  # a number also where it says none
+        name, ended = database.meta("name") or "Untitled", database.meta("ended") == "1"
+        picture = database.meta_bytes("picture")
+        return SessionSummary(path, name, ended, saved_s, takes, seconds, picture, recordings)
     except (FileError, ValueError):
         return damaged
     finally:

@@ -38,8 +38,10 @@ class CameraKey:
 
 
 def with_key(keys: Sequence[CameraKey], key: CameraKey, fps: float) -> tuple[CameraKey, ...]:
-    """Return the keys with one added, replacing a key at the same frame."""
+    """Return the keys with one added, replacing a key at the same frame; UsageError for more than MAX_KEYS."""
     kept = [k for k in keys if round(k.seconds * fps) != round(key.seconds * fps)]
+    if len(kept) >= MAX_KEYS:
+        raise UsageError(f"A take with {MAX_KEYS} camera keys is full.", "Delete keys first.")
     return tuple(sorted([*kept, key], key=lambda k: k.seconds))
 
 

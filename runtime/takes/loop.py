@@ -29,7 +29,7 @@ MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # of ends that can be ble
 MAX_STARTS = 1800  # first frames that are compared
 SWING_FRACTION = 0.35  # of a foot's highest speed: above it, it swings
 _LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
-_REMEDY = "Record, or choose with --range, at least two full cycles of a steady walk in one style."
+_REMEDY = "Record, or choose as the range, at least two full cycles of a steady walk in one style."
 
 
 def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, RootTrack]:

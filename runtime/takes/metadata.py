@@ -135,8 +135,8 @@ def gait_numbers(changes: Sequence[tuple[float, str]], frames: int, fps: float) 
     return numbers
 
 
-def title(event: PromptEvent) -> str:
-    """Return a prompt's title of at most 60 characters: "own words" for six descriptions, "(edited)" after edited ones."""
+def title(event: PromptEvent, most: int = 60) -> str:
+    """Return a prompt's title of at most `most` characters: "own words" for six descriptions, "(edited)" after edited ones."""
     from runtime.prompts.blend import BlendedPrompt, read_words
     from runtime.prompts.parts import PartDescriptions
 
@@ -148,7 +148,7 @@ def title(event: PromptEvent) -> str:
         words = " + ".join(w if isinstance(w, str) else "own words" for w in (words.a, words.b))
     text = "own words" if isinstance(words, PartDescriptions) else words
     text = f"{event.typed} (edited)" if event.typed else text
-    return text if len(text) <= 60 else text[:59] + "…"
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def describe(

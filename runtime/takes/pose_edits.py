@@ -5,20 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from runtime.arrays import Array
+from runtime.errors import UsageError
 from runtime.takes.clip import Clip
 from runtime.takes.footplants import FootplantEdit, replanted
 from runtime.takes.pinned import pinned
-from runtime.takes.pins import Pin
+from runtime.takes.pins import MAX_PINS, Pin
 from runtime.takes.pose_layer import NO_LAYER, PoseLayer, layered
 
 
 @dataclass(frozen=True)
 class PoseEdits:
-    """The pose edits of a take, in the order in which they are applied: footplants, pose layer, pins."""
+    """The pose edits of a take, in the order in which they are applied: footplants, pose layer, pins. UsageError for too many."""
 
     pins: tuple[Pin, ...] = ()
     footplants: tuple[FootplantEdit, ...] = ()
     layer: PoseLayer = NO_LAYER
+
+    def __post_init__(self) -> None:
+        if max(map(len, (self.pins, self.footplants, self.layer.keys))) > MAX_PINS:
+            problem = f"A take holds {MAX_PINS} pins, and as many footplants and pose keys."
+            raise UsageError(problem, "Remove some first.")
 
     def __bool__(self) -> bool:
         return bool(self.pins or self.footplants or self.layer)

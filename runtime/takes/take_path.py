@@ -16,7 +16,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-from runtime.motion.control_scripts import PlanarPose, PointPath, Waypoint
+from runtime.motion.control_scripts import MAX_POINTS, PlanarPose, PointPath, Waypoint
 from runtime.pose import FPS, Pose
 from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputFrames, InputRecording, Steppable, started, with_poses
@@ -33,7 +33,7 @@ MOVED_M = 0.05  # less is standing
 def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
     """Return the path of a clip as few waypoints, each with the speed and gait on the way to it.
 
-    Raises UsageError if the clip stays in place.
+    Raises UsageError if the clip stays in place, or goes farther than a path can.
     """
     path = np.asarray(clip.hips_positions, float)[:, [0, 2]]
     corners = _corners(path)
@@ -43,6 +43,8 @@ def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
         points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), stick, gait))
     if not points:
         raise UsageError("The way of this take: it stands.", "Choose a take that goes somewhere.")
+    if len(points) > MAX_POINTS:
+        raise UsageError(f"The way of this take: more than {MAX_POINTS} points.", "Choose a shorter take.")
     return tuple(points)
 
 

@@ -61,14 +61,6 @@ def read_terrain(path: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -
     return _checked(path, heights, (-(nx // 2) * cell_m, -(nz // 2) * cell_m), cell_m, note)
 
 
-def write_height_png(path: str | Path, heights: Array) -> None:
-    """Write heights `(nx, nz)` in 0..1 as a 16-bit grey PNG that `read_terrain` reads back."""
-    from PIL import Image
-
-    values = np.round(np.clip(heights, 0.0, 1.0) * WHITE_16_BIT_SCALE).astype(np.uint16)
-    Image.fromarray(np.ascontiguousarray(values.T)).save(path)
-
-
 def _read_png(path: Path, data: bytes, height_m: float) -> tuple[Array, str]:
     """Heights `(columns, rows)` of a PNG, whose white is `height_m`, and a note where colours were read as grey."""
     from PIL import Image

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from unicodedata import normalize
 
 from runtime.assets import model_folder
-from runtime.errors import FileError, UsageError
+from runtime.errors import FileError, SportError, UsageError
 from runtime.safe_read import decode_text, parse_json, read_bounded, reason
 
 MAX_LIST_BYTES = 256 * 1024 * 1024
@@ -66,7 +66,8 @@ def read_rows(path: Path) -> list[BatchRow]:
     if suffix == ".csv":
         rows = _csv_rows(path, text)
     else:
-        lines = [line for line in text.splitlines() if line.strip()]
+        # unlike `splitlines`, which ends a line also at what may be in a text
+        lines = [line for line in io.StringIO(text, newline=None) if line.strip()]
         rows = [_json_row(number, line) for number, line in enumerate(lines, 1)]
     if not rows:
         raise FileError(f"{path}: no rows.", _REMEDY)
@@ -131,7 +132,7 @@ def plan(
             options = _options(row, parser, known, base)
             _check_targets(options, row.number, writers)
             tasks.append(Task(row.number, row.values, options, _key(options)))
-        except UsageError as error:
+        except SportError as error:
             refused.append(BatchRow(row.number, row.values, str(error)))
     return tasks, refused
 

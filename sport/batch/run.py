@@ -148,7 +148,7 @@ def read_lines(path: Path) -> dict[int, Line]:
 
 
 def _text(line: Line) -> str:
-    return json.dumps(line, ensure_ascii=False, default=str) + "\n"
+    return printable(json.dumps(line, ensure_ascii=False, default=str)) + "\n"
 
 
 @dataclass

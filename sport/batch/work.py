@@ -60,14 +60,8 @@ def _begin(scratch: Path | None) -> None:
 
 def entry(row: Any, error: str = "", **made: Any) -> Line:
     """Return the manifest's line of a row or task: arguments, file, files with their hashes, seconds of work, error."""
-    fields: Line = {
-        "file": None,
-        "sha256": None,
-        "seconds": None,
-        "error": error or None,
-        "notes": [],
-        "files": {},
-    }
+    unmade: Line = dict.fromkeys(("file", "sha256", "seconds"))
+    fields = unmade | {"error": error or None, "notes": [], "files": {}}
     return {"row": row.number, "arguments": row.values, **fields, **made, "key": getattr(row, "key", "")}
 
 

@@ -62,7 +62,9 @@ def check_outputs(paths: list[Path], options: ExportOptions) -> None:
     for path in paths:
         check_export(path, options)
         if format_of(path).film:
-            film_options(options)
+            from viewer.filming.writers import check_writer
+
+            check_writer(path, film_options(options).size, frames=0)
     if options.character is not None and not options.fit_to_motion:
         guessed = load_character(options.character, options.joint_map, options.character_unit).note
         if guessed:

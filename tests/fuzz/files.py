@@ -28,8 +28,9 @@ from runtime.prompts.blend import read_words
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.metadata import Origin, PromptEvent, title
-from runtime.terrain.files import MAX_HEIGHT_M, read_terrain, write_height_png
+from runtime.terrain.files import MAX_HEIGHT_M, read_terrain
 from tests.helpers.gltf_characters import character_glb, join_glb, make_pose, split_glb, textured
+from tests.helpers.height_maps import write_height_png
 
 from .mutate import damaged_bytes, damaged_glb, damaged_json, damaged_png, damaged_text
 from .target import Target, put

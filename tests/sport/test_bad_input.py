@@ -188,6 +188,13 @@ GENERATE: dict[str, tuple[list[str], tuple[str, ...]]] = {
     "folder as target": (["--out", "TMP"], ("this is a folder", "Add the name")),
     "file as folder": (["--out", "TMP/file/a.bvh"], ("a.bvh", "Choose a folder")),
     "no number": (["--seconds", "soon"], ("--seconds", "'soon'", "--help")),
+    "long model": (["--model", "x" * 300], ("no model of this name", "Shipped")),
+    "long character": (["--character", "x" * 300], ("xxx", "too long", "Check the path")),
+    "rate that is none": (["--fps", "nan"], ("--fps nan", "expected 1 to 1000", "Try 60")),
+    "rate without end": (["--fps", "inf"], ("--fps inf", "expected 1 to 1000", "Try 60")),
+    "unknown camera": (["--camera", "nose", "--out", "TMP/a.mp4"], ("--camera nose", "Choose front")),
+    "camera of the window": (["--camera", "keyed", "--out", "TMP/a.mp4"], ("--camera keyed", "Choose front")),
+    "odd size": (["--size", "1281x721", "--out", "TMP/a.mp4"], ("--size 1281x721", "even numbers")),
 }
 
 
@@ -205,12 +212,13 @@ def test_a_mistake_is_one_sentence(case: str, tmp_path: Path, capsys: pytest.Cap
     assert not (tmp_path / "out.bvh").exists()
 
 
-VIEW: dict[str, tuple[str, Callable[[Path], Path], tuple[str, ...]]] = {
+VIEW: dict[str, tuple[str, Callable[[Path], Path | str], tuple[str, ...]]] = {
     "damaged GLB": ("--character", damaged_glb, ("cut.glb", "cut off", "export the file again")),
     "damaged BVH": ("--clip", damaged_bvh, ("cut.bvh", "MOTION", "Export the clip again")),
     "foreign BVH": ("--clip", worm_bvh, ("worm.bvh", "LeftFoot", "Name its joints")),
     "wrong version": ("--model", model_with(layout_version=2), ("metadata.json", "layout_version", "Export")),
     "folder as picture": ("--screenshot", lambda folder: folder, ("this is a folder", "Add the name")),
+    "no size": ("--size", lambda _: "0x64", ("--size 0", "expected 64 to 8192 pixels")),
 }
 
 

@@ -55,6 +55,8 @@ def test_csv_and_json_lines_say_the_same(tmp_path: Path) -> None:
 def test_rows_that_cannot_be_read_are_no_reason_to_refuse_the_list(tmp_path: Path) -> None:
     found = read_rows(write(tmp_path / "a.jsonl", '{"seed": 1}\n{"seed"\n[1]\n{"seed": [1]}\n'))
     assert [bool(row.error) for row in found] == [False, True, True, True]
+    (found,) = read_rows(write(tmp_path / "a.jsonl", '{"prompt": "old\u2028frail\x85"}\r\n'))
+    assert found.values == {"prompt": "old\u2028frail\x85"}, "only a line's end ends a row"
     found = read_rows(write(tmp_path / "a.csv", "seed\n1\n1,2\n"))
     assert [row.error for row in found] == ["", "more cells than the header has"]
 
@@ -93,6 +95,7 @@ def test_rows_go_over_the_arguments_of_the_command() -> None:
     [
         ({"seed": "x"}, "invalid int value"),
         ({"loop": "maybe"}, "expected true or false"),
+        ({"model": "nobody"}, "no model of this name"),
         ({"out": "../a.bvh"}, "below the folder"),
         ({"out": str(Path("/a.bvh").resolve())}, "below the folder"),
         ({"out": ".sport-batch/a.bvh"}, "below the folder"),
@@ -183,6 +186,12 @@ def test_failures_are_listed_and_end_nothing(
     assert "2 of 4 clips" in said.out
     assert "2 failed" in said.out
     assert "sport: row 2: 00002.bvh: cannot. Try another." in said.err
+
+
+def test_a_text_that_is_none_is_one_failure(fake: list[str], tmp_path: Path) -> None:
+    table = write(tmp_path / "a.jsonl", '{"prompt": "a \\ud800"}\n{"prompt": "old"}\n')
+    assert cli.main(["generate", "--batch", str(table), "--out", str(tmp_path / "clips")]) == 1
+    assert [bool(line["error"]) for line in lines(tmp_path / "clips")] == [True, False]
 
 
 @pytest.mark.parametrize(("link", "code"), [("sub", 1), ("a.bvh", 1), ("manifest.jsonl", 2)])

@@ -130,6 +130,8 @@ def test_playback_loops_between_its_marks() -> None:
 def test_export_names(tmp_path: Path) -> None:
     assert export_target(" ~/a/walk ") == Path("~/a/walk.bvh").expanduser()
     assert export_target('"/a/b.BVH"') == Path("/a/b.BVH")
+    assert export_target("~nobody-of-this-name/walk.bvh") == Path("~nobody-of-this-name/walk.bvh")
+    assert export_target("x" * 300).name == "x" * 300 + ".bvh"
     with pytest.raises(UsageError, match="folder"):
         export_target(str(tmp_path))
     assert file_stem("Take 3: Löwe/../x") == "take-3-löwe-x"

@@ -67,6 +67,7 @@ class CompareView:
     _distance: float = 0.0  # given to the camera last; 0 before
 
     def __post_init__(self) -> None:
+        self._file = self.editor.file
         self.editor.followers.append(self.follow)
         self.editor.withdraw.append(self._withdraw)
 
@@ -167,7 +168,7 @@ class CompareView:
             self.editor.do(f"variant {index + 1} removed", lambda session: replace(session, variants=rest))
 
     def reseed(self, index: int, seed: int) -> None:
-        """Remove a variant; two always stay."""
+        """Give a variant another seed, during a drag."""
         change = _with_variant(self.variants[index].number, lambda v: replace(v, seed=max(seed, 0)))
         self.editor.drag(f"seed of variant {index + 1}", change)
 
@@ -215,6 +216,10 @@ class CompareView:
 
     def follow(self, before: Session, now: Session) -> None:
         """Show the session's variants after a change of it; close the view if there are none."""
+        if self._file is not self.editor.file:  # whose variants have the same numbers
+            self._file = self.editor.file
+            self.pending.clear()
+            self.texts.clear()
         standing = self._standing
         if not self.open or now.variants == standing:
             return

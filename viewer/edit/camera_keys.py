@@ -10,8 +10,7 @@ import numpy as np
 
 from runtime.errors import SportError
 from runtime.pose import FPS, Pose
-from runtime.session.session import LIVE
-from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
+from runtime.takes.camera_keys import CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.editor import Editor
 from viewer.gl_bindings import imgui
@@ -53,8 +52,6 @@ class CameraKeys:
     def add(self) -> None:
         """Key the current view at the frame shown; keys of the live character go into the recording."""
         playback, take = self.takes.playback, self.takes.played or self.editor.session.live
-        if len(take.cameras) >= MAX_KEYS:
-            return
         scene = self.takes.scene
         if playback is None:
             seconds, fps, pose, terrain = scene.now, float(FPS), scene.simulation.current, scene.terrain
@@ -67,19 +64,16 @@ class CameraKeys:
         x, y, z = (float(v) for v in offset)
         try:
             key = CameraKey(seconds, camera.yaw, camera.pitch, camera.distance, x, y, z)
+            keys = with_key(take.cameras, key, fps)
         except SportError as error:
             self.editor.messages.error(error)
             return
-        keys = with_key(take.cameras, key, fps)
-        self._put(f"camera key of {take.title}", keys)
+        self.editor.put(f"camera key of {take.title}", take.number, cameras=keys)
         self.control.keyed = playback is not None and len(keys) > 1
         self.editor.messages.note(
             f"{take.title}: {len(keys)} camera key{'s' * (len(keys) > 1)}."
             " A film with the camera “keyed” looks through them."
         )
-
-    def _put(self, label: str, keys: tuple[CameraKey, ...]) -> None:
-        self.editor.put(label, LIVE if self.takes.played is None else self.takes.played.number, cameras=keys)
 
     def look(self, pose: Pose, terrain: Terrain) -> None:
         """Move the view along the keys while the take plays or is scrubbed; call once per frame before drawing."""

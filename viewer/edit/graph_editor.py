@@ -52,6 +52,7 @@ class Grab:
     value: float  # in the plot's axes
     before: KeyedCurves  # what was there then
     chosen: frozenset[CurveKey]  # likewise
+    moves: int  # of the history: after more nothing is dragged
 
 
 @dataclass
@@ -333,6 +334,8 @@ class GraphEditor:
 
     def _mouse(self, curves: KeyedCurves, channels: list[Channel], playback: Playback) -> None:
         mouse = implot.get_plot_mouse_pos()
+        if self._grab is not None and self._grab.moves != self.editor.history.moves:
+            self._grab = None
         if self._grab is None and implot.is_plot_hovered():
             near = self._near(curves, channels)
             if imgui.is_mouse_double_clicked(0) and near is None:
@@ -365,7 +368,10 @@ class GraphEditor:
             what = "frame" if abs(line.x - imgui.get_mouse_pos().x) <= px(GRAB_PX) else "box"
         if what == "box" and not adds:
             self.chosen = frozenset()
-        self._grab = Grab(what, mouse.x, mouse.y, curves, self.chosen) if what else None
+        self.editor.finish_drag()
+        self._grab = (
+            Grab(what, mouse.x, mouse.y, curves, self.chosen, self.editor.history.moves) if what else None
+        )
 
     def _carry(self, grab: Grab, playback: Playback, mouse: implot.Point) -> None:
         if grab.what == "frame":

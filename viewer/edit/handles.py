@@ -10,6 +10,7 @@ import numpy as np
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
+from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
@@ -26,14 +27,19 @@ class Handles:
 
     held: int = -1  # -1 for none
     pressed: bool = False  # in this frame, where no panel has the mouse
+    _moves: int = 0  # of the history, when it was grabbed
 
-    def use_mouse(self, camera: Camera, points: Array) -> bool:
+    def use_mouse(self, editor: Editor, camera: Camera, points: Array) -> bool:
         """Grab the nearest of `points` `(n, 3)` or release it; return whether a grabbed point is dragged in this frame."""
         io = imgui.get_io()
         self.pressed = imgui.is_mouse_clicked(0) and not io.want_capture_mouse
         if self.pressed:
-            self.held = _nearest(camera, points, io.mouse_pos, io.display_size)
-        elif not imgui.is_mouse_down(0):
+            editor.finish_drag()
+            self.held, self._moves = (
+                _nearest(camera, points, io.mouse_pos, io.display_size),
+                editor.history.moves,
+            )
+        elif self._moves != editor.history.moves or not imgui.is_mouse_down(0):
             self.held = -1
         return self.held >= 0 and not self.pressed and bool(io.mouse_delta.x or io.mouse_delta.y)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from runtime.character.read import MOTIONS, SUFFIXES
+from runtime.safe_read import expanded
 from runtime.session.sqlite_file import SUFFIX
 from viewer.edit.reference import References
 from viewer.edit.video import SUFFIXES as VIDEOS
@@ -69,7 +71,7 @@ class FileOpener:
 
     def ask(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
         """Show a dialog for files with the given endings."""
-        start = Path(self.takes.settings.export_folder).expanduser()
+        start = expanded(self.takes.settings.export_folder)
         filters = [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"]
-        start = start if start.is_dir() else Path.home()
+        start = start if os.path.isdir(start) else Path.home()
         self.sessions.dialogs.ask(DialogKind.OPEN, title, start, done, filters)

@@ -152,7 +152,7 @@ class PathTool:
         if imgui.is_key_pressed(imgui.Key.delete) and not io.want_text_input:
             self.delete()
         points = np.array([(p.x, float(terrain.height(p.x, p.z)), p.z) for p in self.points])
-        moves = handles.use_mouse(camera, points)
+        moves = handles.use_mouse(self.editor, camera, points)
         if not (handles.pressed or moves):
             return True
         place = ground_under(camera, terrain, io.mouse_pos, io.display_size)

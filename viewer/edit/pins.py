@@ -176,7 +176,11 @@ class Pins:
             if not held:
                 self.editor.messages.warn(self.fixed)
             return
-        poses = replace(take.poses, pins=pins)
+        try:
+            poses = replace(take.poses, pins=pins)
+        except SportError as error:
+            self.editor.messages.error(error)
+            return
         if held:
             self.editor.put(label, take.number, held, poses=poses)
         elif self.editor.do(
@@ -247,7 +251,7 @@ class Pins:
     def use_mouse(self, camera: Camera) -> bool:
         """Grab and drag handles of pins; return whether the left button is in use."""
         points, handles = self._points(), self._handles
-        moves = handles.use_mouse(camera, np.array([place for _, _, place in points]))
+        moves = handles.use_mouse(self.editor, camera, np.array([place for _, _, place in points]))
         if not 0 <= handles.held < len(points):
             return False
         index, name, place = points[handles.held]

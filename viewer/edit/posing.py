@@ -206,7 +206,7 @@ class Posing:
         over = im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none
         if drawn and (over or im_guizmo.is_using_any() if self.moves else self.rings.used):
             return True
-        moves = handles.use_mouse(camera, pose.positions[list(JOINTS)])
+        moves = handles.use_mouse(self.editor, camera, pose.positions[list(JOINTS)])
         if handles.held < 0:
             return False
         if handles.pressed:

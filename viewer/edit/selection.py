@@ -56,7 +56,7 @@ class Selection:
         if self._subject != self.number:
             self._subject, self.preview = self.number, None
             self.keys = frozenset(key for key in self.keys if self.kinds[key[0]].listed)
-        if self.preview is not None and not self.editing.busy:
+        if self.preview is not None and not (self.editing.busy or imgui.is_mouse_down(0)):
             self.preview = None
             if not self.items:
                 self.keys = frozenset()
@@ -126,21 +126,18 @@ class Selection:
             self.editing.takes.messages.note("There is no room for that in the take.")
 
     def moved(self, items: Items, by: int) -> list[Item]:
-        """Return the items shifted by `by` frames, as far as the take allows; one that ends with the take keeps that end."""
-        end = self._end
+        """Return the items shifted by `by` frames, as far as the take allows; one that ends with the take keeps that end, and a frame."""
+        end, moving = self._end, [self._edges_that_move(item) for item in items]
+        for item, (start, last) in zip(items, moving, strict=True):
+            if start or last:
+                by = max(by, -item.start if start else item.start + 1 - item.end)
+                by = min(by, end - max(item.end, item.start + 1) if last else item.end - 1 - item.start)
+        edges = zip(items, moving, strict=True)
+        return [item.at(item.start + by * start, item.end + by * last) for item, (start, last) in edges]
 
-        def at_end(item: Item) -> bool:
-            return self.kinds[item.kind].adjacent and (not item.start or item.end == end)
-
-        free = [item for item in items if not at_end(item)]
-        if free:
-            by = max(by, -min(item.start for item in free))
-            by = min(by, end - max(max(item.end, item.start + 1) for item in free))
-
-        def shifted(frame: int, item: Item) -> int:
-            return frame if frame in (0, end) and at_end(item) else frame + by
-
-        return [item.at(shifted(item.start, item), shifted(item.end, item)) for item in items]
+    def _edges_that_move(self, item: Item) -> tuple[bool, bool]:
+        adjacent = self.kinds[item.kind].adjacent
+        return not (adjacent and item.start == 0), not (adjacent and item.end == self._end)
 
     @property
     def _end(self) -> int:

@@ -52,6 +52,7 @@ class Held:
     part: Part
     grabbed: int
     items: Items
+    moves: int  # of the history: after more the mouse holds nothing any more
     snaps: tuple[int, ...] = ()
     snapped: int | None = None
     by: int = 0
@@ -87,7 +88,8 @@ class Timeline:
     def _follow(self, playback: Playback) -> None:
         """Keep the range within the take, and the frame in it when it goes on or is sought."""
         (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
-        if take != playback.number:
+        moves = self.selection.editing.takes.editor.history.moves
+        if take != playback.number or (self.held is not None and self.held.moves != moves):
             self.held = self.box = None
         if take != playback.number or (end != self.shown.end and self.whole):
             self.shown, self._zero = Range(0.0, end, end), playback.take.numbered_from
@@ -281,7 +283,9 @@ class Timeline:
                 selection.pick([item], extend=io.key_shift)
             items = selection.items if part is Part.BODY else [item]
         if item is not None or track.move is not None:
-            self.held = Held(track.key, mark, part, frame, items, self._snaps(playback))
+            editor = selection.editing.takes.editor
+            editor.finish_drag()
+            self.held = Held(track.key, mark, part, frame, items, editor.history.moves, self._snaps(playback))
 
     def _snaps(self, playback: Playback) -> tuple[int, ...]:
         """Return the frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""

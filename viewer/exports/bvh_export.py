@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from runtime.errors import SportError, UsageError
-from runtime.safe_read import printable
+from runtime.safe_read import expanded, printable
 from runtime.session.session import Session, Take
 from runtime.session.session_file import SessionFile
 from viewer.jobs import Slot
@@ -44,8 +44,8 @@ class ExportField:
             self.path, self._proposed = "", None
             return
         folder = Path(self.takes.settings.export_folder)
-        proposal = folder / free_path(folder.expanduser() / f"{file_stem(take.title)}{self.suffix}").name
-        self._target = proposal.expanduser()
+        proposal = folder / free_path(expanded(folder) / f"{file_stem(take.title)}{self.suffix}").name
+        self._target = expanded(proposal)
         self.path = self._proposed = printable(proposal)
 
     @property
@@ -83,7 +83,7 @@ class BvhExport(ExportField):
         """Return an existing BVH of this run with the take's current content, or None."""
         content = _content(take)
         found = (path for path, (_, held) in reversed(self._files.items()) if held == content)
-        return next((path for path in found if path.is_file()), None)
+        return next((path for path in found if os.path.isfile(path)), None)
 
     def exported(self, take: Take) -> Path | None:
         """Return the file last written for the take in this run, whatever its content."""
@@ -126,7 +126,7 @@ class BvhExport(ExportField):
     def export_all(self) -> None:
         """Export all takes that match the search as BVH under their own names, replacing no file."""
         takes, found = self.takes, self.takes.found
-        folder = Path(takes.settings.export_folder).expanduser()
+        folder = expanded(takes.settings.export_folder)
         fps, unit = takes.settings.export_fps, takes.settings.export_unit
 
         def work() -> list[Path]:
@@ -155,8 +155,8 @@ def export_target(text: str, suffix: str = ".bvh") -> Path:
     text = text.strip().strip('"')
     if not text or "\0" in text:
         raise UsageError("Export: the path is empty.", f"Write a path such as ~/sport-clips/walk{suffix}.")
-    path = Path(text).expanduser()
-    if path.is_dir():
+    path = expanded(text)
+    if os.path.isdir(path):
         raise UsageError(f"Export: {path} is a folder.", f"Add a file name, for example walk{suffix}.")
     return path if path.suffix.lower() == suffix else path.with_name(path.name + suffix)
 

@@ -14,7 +14,7 @@ from runtime.formats.engines import ENGINES
 from runtime.formats.options import ALL, BODIES, FILMS, SCENES, ExportOptions, option
 from runtime.formats.table import FORMATS, ExportCancelled, Format, check_export, save_motion
 from runtime.options import spec_of
-from runtime.safe_read import parse_json, printable
+from runtime.safe_read import expanded, parse_json, printable
 from runtime.session.session import Take
 from runtime.takes.camera_keys import view_at
 from runtime.terrain.height_map import Terrain
@@ -145,8 +145,10 @@ class Exporting(ExportField):
             FORMATS[suffix].check_program(Path(f"take{suffix}"))
         except UsageError as error:
             self.missing = str(error).partition(": ")[2]
-        if self.typed and Path(self.path).name:
-            self.path = str(Path(self.path).with_suffix(suffix))
+        path = Path(self.path)
+        if self.typed and path.name:  # "walk 1.5" has no ending
+            stem = path.stem if path.suffix.lower() in FORMATS else path.name
+            self.path = str(path.with_name(stem + suffix))
         else:
             self.propose()
 
@@ -157,7 +159,7 @@ class Exporting(ExportField):
                 self.choose(suffix=path.suffix.lower())
             self.path = printable(path)
 
-        start, filters = Path(self.path).expanduser(), (self.form.format.name, f"*{self.suffix}")
+        start, filters = expanded(self.path), (self.form.format.name, f"*{self.suffix}")
         self.dialogs.ask(DialogKind.SAVE, "Export the take", start, chosen, filters)
 
     # --- writing
@@ -186,13 +188,9 @@ class Exporting(ExportField):
         self.report, self.progress, self.saved = "", (0, 0), None
         self._cancel.clear()
         self.jobs.submit(
-            SLOT,
-            named,
-            lambda text: self._done(take, held, path, text),
-            self._failed,
-            writing=f"the export of {take.title}",
-            cancel=self.cancel if form.format.film else None,
-        )
+            SLOT, named, lambda text: self._done(take, held, path, text), self._failed,
+            writing=f"the export of {take.title}", cancel=self.cancel if form.format.film else None,
+        )  # fmt: skip
 
     def cancel(self) -> None:
         """Cancel the export in progress; no file is kept."""

@@ -125,9 +125,7 @@ def count_frames(clip: Clip, fps: float) -> int:
     """Return the number of frames of a film of the clip; UsageError if there are too many."""
     count = max(1, round(len(clip) / clip.fps * fps))
     if count > MAX_FRAMES:
-        raise UsageError(
-            f"{count} frames of film: expected {MAX_FRAMES} at most.", "Choose a shorter --range."
-        )
+        raise UsageError(f"{count} frames of film: expected {MAX_FRAMES} at most.", "Choose a shorter range.")
     return count
 
 

@@ -81,6 +81,11 @@ class FilmOptions:
             raise UsageError(f" {self.fov_degrees:g}: expected 5 to 120 degrees.", "Try 38.", "fov_degrees")
         if not (self.distance == 0.0 or 0.5 <= self.distance <= 60.0):
             raise UsageError(f" {self.distance:g}: expected 0.5 to 60 m.", "Try 4.", "distance")
+        shown = {VIEW: self.view is not None, KEYED: bool(self.keys)}
+        if not shown.get(self.camera, self.camera in CAMERAS):
+            raise UsageError(
+                f" {self.camera[:40]}: there is no such camera.", f"Choose {', '.join(CAMERAS)}.", "camera"
+            )
 
     @property
     def size(self) -> tuple[int, int]:
@@ -89,6 +94,7 @@ class FilmOptions:
 
 def camera_path(options: FilmOptions, clip: Clip, terrain: Terrain, height: float = 0.0) -> CameraPath:
     """Return the camera of a film by name, for a character `height` metres tall; UsageError lists the names."""
+    options.check()
     path = _path_by_name(options, clip, terrain, max(1.0, height / USUAL_CHARACTER_HEIGHT_M))
 
     def see(pose: Pose) -> Camera:
@@ -104,12 +110,10 @@ def _path_by_name(options: FilmOptions, clip: Clip, terrain: Terrain, size: floa
     if name == STILL:
         camera = _still(options, clip, terrain, size)
         return lambda _: camera
-    if name == KEYED and options.keys:
+    if name == KEYED:
         return _keyed(options, clip, terrain)
     if name == VIEW and options.view is not None:
         return _moving(options.view, options, clip, terrain, size)
-    if name not in SHOTS:
-        raise UsageError(f" {name[:40]}: there is no such camera.", f"Choose {', '.join(CAMERAS)}.", "camera")
     return _moving(SHOTS[name], options, clip, terrain, size)
 
 

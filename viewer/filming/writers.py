@@ -39,7 +39,7 @@ def check_writer(path: Path, size: tuple[int, int], frames: int) -> None:
     if suffix in ANIMATED and frames > MAX_ANIMATED_FRAMES:
         raise UsageError(
             f"{path}: {frames} frames; {suffix} takes {MAX_ANIMATED_FRAMES} at most.",
-            "Choose .mp4, a shorter --range or a lower --fps.",
+            "Choose .mp4, a shorter range or fewer frames a second.",
         )
 
 

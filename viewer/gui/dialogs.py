@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from collections.abc import Callable, Sequence
@@ -11,7 +12,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-from runtime.safe_read import printable
+from runtime.safe_read import expanded, printable
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -48,8 +49,8 @@ class PendingDialog:
     @property
     def folder(self) -> Path:
         """The folder typed, or the one containing the typed file."""
-        path = Path(self.typed.strip().strip('"').replace("\0", "") or "~").expanduser()
-        return path if path.is_dir() else path.parent
+        path = expanded(self.typed.strip().strip('"').replace("\0", "") or "~")
+        return path if os.path.isdir(path) else path.parent  # also of a name that is too long
 
     def entries(self) -> list[Path]:
         """Return the folders, then the files matching the filters, of the folder shown."""
@@ -63,13 +64,15 @@ class PendingDialog:
         """Return whether saving to a path, with or without the ending, would overwrite a file."""
         if self.kind is not DialogKind.SAVE or not path:
             return False
-        target = Path(path).expanduser()
+        target = expanded(path)
         ending = self.filters[-1].removeprefix("*") if self.filters else ""
-        return target.is_file() or target.with_name(target.name + ending).is_file()
+        return os.path.isfile(target) or os.path.isfile(f"{target}{ending}")
 
     def accept(self) -> str | None:
         """Return the typed path; None if it is empty, or if the user must confirm overwriting first."""
         path = self.typed.strip().strip('"').replace("\0", "")
+        if self.kind is DialogKind.SAVE and not Path(path).name:
+            return None  # a folder alone
         if path != self.replacing and self.would_replace(path):
             self.replacing = path
             return None
@@ -82,8 +85,10 @@ def _entries(folder: Path, patterns: Sequence[str]) -> list[Path]:
         found = sorted((p for p in folder.iterdir() if p.name[:1] != "."), key=lambda p: p.name.casefold())
     except OSError:  # a folder that cannot be read shows nothing
         return []
-    files = [p for p in found if not p.is_dir() and any(fnmatch(p.name.lower(), one) for one in patterns)]
-    return [*filter(Path.is_dir, found), *files][:MAX_ENTRIES]
+    files = [
+        p for p in found if not os.path.isdir(p) and any(fnmatch(p.name.lower(), one) for one in patterns)
+    ]
+    return [*filter(os.path.isdir, found), *files][:MAX_ENTRIES]
 
 
 def has_native_dialogs() -> bool:
@@ -163,7 +168,7 @@ class Dialogs:
             return
         self.question = None
         if chosen:
-            question.done(Path(chosen).expanduser())
+            question.done(expanded(chosen))
 
     def _browser(self, question: PendingDialog) -> str | None:
         """Draw folders and files to click; return the path of a file that was clicked twice."""
@@ -173,7 +178,7 @@ class Dialogs:
             if imgui.selectable(f"{ICON.back} {printable(folder.parent.name or '/')}##up", False)[0]:
                 question.typed = printable(folder.parent)
             for number, path in enumerate(question.entries()):
-                within = path.is_dir()
+                within = os.path.isdir(path)
                 text = f"{ICON.folder if within else '     '} {printable(path.name)}"
                 if imgui.selectable(f"{text}##{number}", printable(path) == question.typed)[0]:
                     question.typed = printable(path)

@@ -11,7 +11,7 @@ from runtime.assets import character_file
 from runtime.character.shape import BodyShape
 from runtime.formats.options import ExportOptions
 from runtime.options import spec_of
-from runtime.safe_read import printable
+from runtime.safe_read import expanded, printable
 from viewer.edit.camera_keys import CameraKeys
 from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
@@ -87,7 +87,7 @@ class ScenePanel:
         load = widgets.button("Open", load_width, hint)
         path = scene.file_path.strip().strip('"')
         if (entered or load) and path:
-            self.open_files([Path(path).expanduser()])
+            self.open_files([expanded(path)])
 
 
 def _terrain(scene: Scene, takes: Takes) -> None:

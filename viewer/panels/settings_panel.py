@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 from runtime.assets import DEFAULT_MODEL, model_folder, model_name, shipped_models
+from runtime.errors import FileError
 from runtime.motion.model_files import read_metadata
 from runtime.options import spec_of
-from runtime.safe_read import printable
+from runtime.safe_read import expanded, printable
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.dialogs import DialogKind, Dialogs
@@ -69,8 +72,11 @@ class SettingsWindow:
     def chosen_model(self) -> Path | None:
         """Return the model to start with: the one in the settings if it still exists, else None."""
         text = self.settings.model_folder
-        if not text or model_folder(text).is_dir():
-            return model_folder(text) if text else None
+        if not text:
+            return None
+        with suppress(FileError):  # of a name that is shipped no more
+            if os.path.isdir(model_folder(text)):
+                return model_folder(text)
         self.messages.warn(f"The model {text} is missing: {DEFAULT_MODEL} is used.")
         return None
 
@@ -138,7 +144,7 @@ class SettingsWindow:
                 settings.export_folder = under_home(path)
                 self.messages.note(f"Exports go to {path}.")
 
-            start = Path(settings.export_folder).expanduser()
+            start = expanded(settings.export_folder)
             self.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
 
     def _bindings(self, setting: str, table: Mapping[Action, str], texts: Mapping[str, str]) -> None:

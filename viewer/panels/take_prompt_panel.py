@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from runtime.prompts.expander import MAX_PROMPT_CHARACTERS
 from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
 from viewer.edit.resimulation import Resimulation, restyle
@@ -64,7 +65,7 @@ def _restyle(editing: Resimulation) -> None:
 def _fill(editing: Resimulation, mark: Mark) -> None:
     event = mark.of.event
     words = words_of(event)
-    editing.shown, editing.prompt = mark, title(event)
+    editing.shown, editing.prompt = mark, title(event, MAX_PROMPT_CHARACTERS)  # Enter sends what is there
     editing.parts = dict.fromkeys(PART_NAMES, "") if words is None else dict(words.to_mapping())
 
 

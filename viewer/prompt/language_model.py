@@ -193,8 +193,5 @@ def _test(model: LanguageModel) -> None:
     if not said and model.name:
         said, good = f"{model.name}, from the next prompt on", True
     if said:
-        widgets.text(
-            f"{ICON.check if good else ICON.warning} {said}".replace("%", "%%"),
-            theme.ACCENT if good else theme.WARNING,
-            wrap=True,
-        )
+        icon, tint = (ICON.check, theme.ACCENT) if good else (ICON.warning, theme.WARNING)
+        widgets.text(f"{icon} {said}", tint, wrap=True)

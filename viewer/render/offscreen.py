@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from runtime.atomic import atomic_path, write_new
 from runtime.errors import DisplayError
+from runtime.safe_read import expanded
 
 
 def save_png(pixels: NDArray[np.uint8], path: Path, new: bool = False) -> Path:
@@ -21,7 +22,7 @@ def save_png(pixels: NDArray[np.uint8], path: Path, new: bool = False) -> Path:
     """
     from PIL import Image
 
-    path = path.expanduser()
+    path = expanded(path)
     if new:
         data = io.BytesIO()
         Image.fromarray(pixels).save(data, format="PNG", compress_level=3)

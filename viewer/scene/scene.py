@@ -17,6 +17,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.snapshot import Snapshot
 from runtime.pose import FPS, Pose
 from runtime.prompts.gpt.settings import GptSettings
+from runtime.safe_read import expanded
 from runtime.session.character_files import read_character_files, write_character_files
 from runtime.session.session import CharacterChoice, Ground, ModelName, Session
 from runtime.takes.input_recording import InputRecorder
@@ -230,7 +231,7 @@ class Scene:
 
     def load_terrain(self, name: str | Path) -> None:
         """Load a terrain by name or file and use it; the old one stays until then."""
-        spec = str(Path(name).expanduser()) if str(name).startswith("~") else str(name)
+        spec = str(expanded(name)) if str(name).startswith("~") else str(name)
         self.loading = spec
         self.jobs.submit(
             Slot("terrain"), partial(self.read_ground, spec), partial(self._take_terrain, spec),
@@ -315,11 +316,8 @@ class Scene:
 
     def _load_choice(self, choice: CharacterChoice) -> None:
         """Show the character that the session says, from the session's own files."""
-        self._choice = choice
-
-        self._load_character(
-            partial(self.read_choice, choice), lambda loaded: self._take_character(*loaded), None
-        )
+        self._choice, load = choice, partial(self.read_choice, choice)
+        self._load_character(load, lambda loaded: self._take_character(*loaded), None)
 
     def read_character(self, path: Path | None, joint_map: Path | None = None) -> LoadedCharacter:
         """Load the character of a file together with the content to store in the session; thread-safe. Raises FileError."""
@@ -368,6 +366,8 @@ class Scene:
         self.joints.refused(error)
         if path is not None and isinstance(error, JointsUnknown) and self.joints.shown != path:
             self.joints.begin(path)
+        elif path is not None and self._character is None:  # at the start: somebody must be seen
+            self._load_choice(self._choice)
 
     def _take_character(self, choice: CharacterChoice, path: Path | None, character: Any) -> None:
         self.renderer.set_character(dressed(character, self.settings.look))

@@ -13,7 +13,7 @@ from typing import Any
 
 from runtime.assets import model_folder, model_hashes, shipped_models
 from runtime.errors import SportError
-from runtime.interrupts import removed_when_ended
+from runtime.safe_read import expanded
 from runtime.session import edits, library
 from runtime.session.document_reader import MAX_TAKES
 from runtime.session.history import History
@@ -21,7 +21,7 @@ from runtime.session.library import SessionSummary
 from runtime.session.lost import LostTake
 from runtime.session.session import ModelName, Take
 from runtime.session.session_file import SessionFile
-from runtime.session.sqlite_file import SUFFIX, FileInUse, lock_of, side_files
+from runtime.session.sqlite_file import SUFFIX, FileInUse
 from runtime.takes.metadata import origin_of
 from runtime.takes.pose_edits import NO_EDITS
 from viewer.editor import Editor
@@ -39,9 +39,8 @@ MAX_RECENT_SESSIONS = 8
 KEPT_SESSIONS = 10  # untitled ones that can be opened again
 VIEW_INTERVAL_S = 10.0  # between two times at which the view is written
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
-LOST = Slot("lost takes")
+LOST, RECOVERY = Slot("lost takes"), Slot("recovery of takes")
 PROBLEM = Slot("file of the session")  # a topic of messages
-RESIMULATION = Slot("resimulation of a take")
 UNFINISHED = "unfinished"  # under which a file says what an end of the program cut short
 CLOSE_LIMIT_S = 1.0  # no more than an end of the program has
 MENTION_AFTER_S = 0.2  # an end that waits longer says so
@@ -54,18 +53,6 @@ PLACES = {
     "x": (-1e5, 1e5), "z": (-1e5, 1e5), "facing": (-1e5, 1e5),
     "yaw": (-1e3, 1e3), "pitch": (-1.5, 1.5), "distance": (0.5, 60.0),
 }  # fmt: skip
-
-
-def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
-    """Create the file of an untitled session; also return why it is not in `folder`, or ""."""
-    path = library.new_path(folder)
-    try:
-        with removed_when_ended(path, *side_files(path), lock_of(path)):
-            return SessionFile.create(path, cache), ""
-    except SportError as error:
-        place = Path(tempfile.mkdtemp(prefix="sport-"))
-        file = SessionFile.create(library.new_path(place), place / "characters")
-        return file, f"{error.problem} This session is in {file.path} until you save it elsewhere."
 
 
 @dataclass
@@ -132,7 +119,11 @@ class Sessions:
     def new(self) -> None:
         """Start an empty session with the same ground and character; the old one stays in its file."""
         before = self.editor.session
-        file, problem = first_file(self.untitled_folder, self.folder / "characters")
+        try:
+            file, problem = library.first_file(self.untitled_folder, self.folder / "characters")
+        except SportError as error:
+            self.messages.error(error)
+            return
         history = History()
         live = replace(before.live, path=(), cameras=(), poses=NO_EDITS)
         history.replace(
@@ -147,13 +138,14 @@ class Sessions:
 
     def open(self, path: Path) -> None:
         """Open a session; the current one stays until it is loaded."""
-        path = path.expanduser()
+        path = expanded(path)
         if os.path.realpath(path) == str(self.editor.file.path):
             self.messages.note(f"{path.name} is open already.")
             return
         self.jobs.submit(
-            OPENING, partial(self._read, path), lambda found: self._opened(path, *found), reading=path.name
-        )
+            OPENING, partial(self._read, path), lambda found: self._opened(path, *found), reading=path.name,
+            unwanted=lambda found: found[0].close(CLOSE_LIMIT_S),  # else it stays locked, and opens as a copy
+        )  # fmt: skip
 
     def _read(self, path: Path) -> tuple[SessionFile, History, str]:
         try:
@@ -165,6 +157,7 @@ class Sessions:
             return *SessionFile.open(copy, self.folder / "characters"), said
 
     def _opened(self, path: Path, file: SessionFile, history: History, said: str) -> None:
+        self.jobs.cancel_reading()  # what the session before was to have
         self._use(file, history)
         self._restore(file.view)
         if not said and not self._is_untitled(path):
@@ -178,7 +171,7 @@ class Sessions:
 
     def open_last(self) -> None:
         """Open the most recent session, named or not."""
-        times = {path: path.stat().st_mtime if path.exists() else 0.0 for path in self.recent[:1]}
+        times = {path: path.stat().st_mtime if os.path.exists(path) else 0.0 for path in self.recent[:1]}
         times |= {summary.path: summary.saved_s for summary in self.earlier[:1]}
         if times:
             self.open(max(times, key=times.__getitem__))
@@ -222,11 +215,9 @@ class Sessions:
         path, file = _with_suffix(path), self.editor.file
         self._write_view()
         self.jobs.submit(
-            COPYING,
-            lambda: file.save_copy(path),
-            lambda _: self.messages.note(f"Saved a copy as {path}.", path),
-            writing=f"the copy {path.name}",
-        )
+            COPYING, lambda: file.save_copy(path), writing=f"the copy {path.name}",
+            done=lambda _: self.messages.note(f"Saved a copy as {path}.", path),
+        )  # fmt: skip
 
     def revert(self) -> None:
         """Restore the session as it was when opened, as a step of undo."""
@@ -243,8 +234,9 @@ class Sessions:
     def recover(self, *lost: LostTake) -> None:
         """Put lost takes with their edits into the list again, as many as it has room for."""
         file, room = self.editor.file, MAX_TAKES - len(self.editor.session.takes)
-        if room < 1:
-            self.messages.warn("The list of takes is full. Remove some first.")
+        if room < 1 or self.jobs.busy(RECOVERY):
+            full = "The list of takes is full. Remove some first."
+            self.messages.warn(full if room < 1 else "Other takes are being recovered: wait for them.")
             return
         lost = lost[-room:]
         what = lost[0].name if len(lost) == 1 else count_takes(len(lost))
@@ -255,7 +247,7 @@ class Sessions:
             self.lost = [take for take in self.lost if take.key not in keys]
             self.messages.note(f"Recovered: {what}.")
 
-        self.jobs.submit(LOST, lambda: file.found_takes(lost), found, reading=what)
+        self.jobs.submit(RECOVERY, lambda: file.found_takes(lost), found, reading=what)
 
     def discard(self, summary: SessionSummary) -> None:
         """Delete an untitled session of another run for good."""
@@ -266,12 +258,14 @@ class Sessions:
     # --- from one session to the other
 
     def _use(self, file: SessionFile, history: History) -> None:
+        self.note_unfinished()
         self.editor.end_running()
         self.editor.finish_drag()
         self.takes.end_recording()
         self.takes.close_playback()
         self.takes.animations.clear()
-        self.jobs.end_slot(LOST)
+        for slot in (LOST, RECOVERY):
+            self.jobs.end_slot(slot)
         self.lost = []
         self._leave()
         self.editor.use(file, history)
@@ -302,7 +296,7 @@ class Sessions:
         self.settings.recent_sessions = remembered(text, known, MAX_RECENT_SESSIONS)
 
     def _home(self) -> Path:
-        return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()
+        return self.recent[0].parent if self.recent else expanded(self.settings.export_folder)
 
     # --- the view
 
@@ -417,9 +411,10 @@ class Sessions:
             self.messages.error(f"The session is in {file.path}.")
 
     def note_unfinished(self) -> None:
-        """Report work that the program's end interrupts, now and when the session is opened again."""
-        if self.jobs.busy(RESIMULATION):
-            text = f"The {RESIMULATION.what} was not finished when the program ended: do that edit again."
+        """Report steps whose jobs are ended with the session, now and when it is opened again."""
+        labels = ", ".join(step.label for step in self.editor.history.steps if step.awaited)
+        if labels:
+            text = f"{labels[:1].upper()}{labels[1:]} was not finished: do that again."
             self.editor.file.set_meta(UNFINISHED, text)
             self.messages.warn(text)
 
@@ -446,5 +441,5 @@ def _places(view: dict[str, Any]) -> dict[str, float]:
 
 
 def _with_suffix(path: Path) -> Path:
-    path = path.expanduser()
+    path = expanded(path)
     return path if path.suffix.lower() == SUFFIX else path.with_name(path.name + SUFFIX)

@@ -376,6 +376,7 @@ class Takes:
                 self.messages.error(problem)
             if now is None:
                 return
+            self.end_recording()
             live = self.scene.terrain
             ground = live if now.ground is None else now.ground.terrain
             self.playback = Playback(now, clip, ground, live, inputs)
@@ -419,6 +420,7 @@ class Takes:
             act(self.playback)
 
     def close_playback(self) -> None:
+        self.jobs.end_slot(PLAYING)
         self.playback = None
 
 

@@ -31,7 +31,7 @@ from runtime.prompts.gpt.prompt import (
 )
 from runtime.prompts.gpt.settings import MODEL, GptSettings
 from runtime.prompts.parts import PartDescriptions
-from runtime.safe_read import parse_json, read_bounded
+from runtime.safe_read import expanded, parse_json, read_bounded
 
 _log = logging.getLogger(__name__)
 MAX_BYTES = 50_000  # of a stored answer
@@ -159,7 +159,7 @@ def cache_directory(environment: Mapping[str, str] | None = None) -> Path:
     env = os.environ if environment is None else environment
     if env.get("SPORT_CACHE_DIR"):
         return Path(env["SPORT_CACHE_DIR"])
-    return Path(env.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "sport-viewer"
+    return expanded(env.get("XDG_CACHE_HOME") or "~/.cache") / "sport-viewer"
 
 
 @dataclass(frozen=True)

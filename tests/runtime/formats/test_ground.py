@@ -15,9 +15,9 @@ from runtime.formats.ground import ground_mesh, ground_of, ground_spec
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.table import save_motion
 from runtime.takes.clip import Clip
-from runtime.terrain.files import write_height_png
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
+from tests.helpers.height_maps import write_height_png
 from tests.helpers.walker import walk
 
 HILLS = load_terrain("hills")

@@ -15,10 +15,10 @@ from runtime.formats.reference import open_take
 from runtime.skeleton import SPORT_SKELETON, Skeleton
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
-from runtime.terrain.files import write_height_png
 from runtime.terrain.library import load_terrain
 from sport import cli
 from tests.helpers.app_driver import Start, do, message, run
+from tests.helpers.height_maps import write_height_png
 from tests.helpers.walker import walk
 from viewer.app import App
 

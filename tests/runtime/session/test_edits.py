@@ -102,3 +102,14 @@ def test_the_oldest_steps_are_forgotten_and_an_undone_one_by_the_next() -> None:
     history.push("another", Session())
     assert not history.go(1)
     assert history.present.label == "another"
+
+
+def test_steps_that_jobs_still_make_are_never_the_oldest_one() -> None:
+    history = History()
+    for count in range(MAX_STEPS + 20):  # as many files, opened at once
+        history.push(f"opening {count}", replace(Session(), counter=count), awaited=True)
+    assert not history.steps[0].awaited
+    assert history.settled.present.session == Session()
+    history.push("another", Session())
+    history.push("and another", Session())
+    assert not history.steps[0].awaited

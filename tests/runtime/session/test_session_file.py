@@ -6,12 +6,15 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial, reduce
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from runtime.controls import Controls
+from runtime.errors import UsageError
 from runtime.session import edits
 from runtime.session.database import Database
 from runtime.session.frames import packed_frames, unpacked_frames
@@ -22,9 +25,14 @@ from runtime.session.recording import PIECE_FRAMES
 from runtime.session.session import Session, Take
 from runtime.session.session_file import DROPPED_STEPS, SessionFile
 from runtime.takes import input_edits
+from runtime.takes.camera_keys import MAX_KEYS, CameraKey, with_key
 from runtime.takes.clip import Clip
+from runtime.takes.footplants import FootplantEdit
 from runtime.takes.input_recording import InputRecording, StyleChange, resimulated_take
 from runtime.takes.metadata import PromptEvent
+from runtime.takes.pins import MAX_PINS, Pin, Pinned
+from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.take_path import path_of
 from tests.helpers.counting import python_calls
 from tests.helpers.full_session import (
     answer,
@@ -38,6 +46,7 @@ from tests.helpers.full_session import (
 )
 from viewer.editor import Editor
 from viewer.messages import Messages
+from viewer.options import ViewOptions
 
 
 def reopened(path: Path, cache: Path) -> tuple[SessionFile, History]:
@@ -429,3 +438,33 @@ def test_an_edit_of_five_hundred_takes_costs_the_frame_little_and_opening_reads_
     again, history = reopened(tmp_path / "a.sport", tmp_path)
     assert len(history.present.session.takes) == 500
     again.close()
+
+
+@pytest.mark.parametrize("frames", [40, 61, 80, 120])
+def test_a_trimmed_take_of_another_length_comes_back(frames: int, tmp_path: Path) -> None:
+    session = edits.trimmed(edits.with_new_take(Session(), Take(motion=Motion.of(still(100)))), 1, 60, 99)
+    session = edits.resimulated(session, 1, Motion.of(still(frames)))
+    file, history = reopened(written(tmp_path / "a.sport", history_of(session), tmp_path), tmp_path)
+    assert file.repaired == ""
+    assert history.present.session.takes == session.takes
+    assert session.takes[0].range == ((60, frames - 1) if frames > 61 else (0, frames - 1))
+    file.close()
+
+
+def test_what_no_file_takes_back_is_not_made() -> None:
+    """A take with more than these is left out when its file is opened."""
+    clip, stick = still(1000), SimpleNamespace(controls=Controls((0.0, 1.0)))
+    way = replace(clip, hips_positions=np.cumsum(np.full((1000, 3), 0.6, np.float32), axis=0))
+    pin, key = Pin(Pinned.LEFT_HAND), CameraKey(0.0, 0.0, 0.0, 3.0)
+    keys = [replace(key, seconds=frame / 60.0) for frame in range(MAX_KEYS)]
+    for make in (
+        lambda: PoseEdits(pins=(pin,) * (MAX_PINS + 1)),
+        lambda: PoseEdits(footplants=(FootplantEdit(0, None, (1, 5)),) * (MAX_PINS + 1)),
+        lambda: with_key(keys, replace(key, seconds=MAX_KEYS / 60.0), 60.0),
+        lambda: path_of(way, SimpleNamespace(frame=lambda _: stick)),  # type: ignore[arg-type]
+        lambda: ViewOptions(seed=1 << 62).check(),
+    ):
+        with pytest.raises(UsageError):
+            make()
+    assert len(with_key(keys, replace(key, yaw=1.0), 60.0)) == MAX_KEYS
+    ViewOptions(seed=(1 << 62) - 1).check()

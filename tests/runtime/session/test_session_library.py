@@ -11,7 +11,7 @@ import pytest
 
 from runtime.assets import PROJECT_ROOT
 from runtime.session.database import Database
-from runtime.session.library import find, keep_newest, new_path, remove
+from runtime.session.library import find, keep_newest, look_at, new_path, remove
 from runtime.session.stored_rows import Writer
 
 
@@ -138,3 +138,4 @@ def test_empty_sessions_go_and_what_cannot_be_read_is_offered_as_damaged(tmp_pat
     assert [(summary.damaged, summary.has_motions) for summary in find(tmp_path)] == [(True, True)] * 2
     assert len(list(tmp_path.iterdir())) == 3
     remove(tmp_path / "none.sport")
+    assert look_at(tmp_path / "none.sport") is None

@@ -109,8 +109,9 @@ def test_the_file_closes_by_what_is_read_from_it_alone(tmp_path: Path, fps: floa
 def test_what_does_not_walk_is_refused() -> None:
     hips, local, contacts = walk(300)
     still = Clip("still", 60.0, np.repeat(hips[:1], 300, 0), np.repeat(local[:1], 300, 0), contacts)
-    with pytest.raises(UsageError, match="does not walk"):
+    with pytest.raises(UsageError, match="does not walk") as refused:
         prepare(still, LOOP, FLAT)
+    assert "--" not in str(refused.value), "a window says it, too"
     with pytest.raises(UsageError, match=r"the range lasts 0\.3 s"):
         prepare(Clip("short", 60.0, *walk(20)), LOOP, FLAT)
     rng = np.random.default_rng(0)

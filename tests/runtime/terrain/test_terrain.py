@@ -8,10 +8,10 @@ from PIL import Image
 
 from runtime.assets import asset_path
 from runtime.errors import FileError, TerrainError
-from runtime.terrain.files import write_height_png
 from runtime.terrain.height_map import PointHeights, Terrain
 from runtime.terrain.library import STEP_RISE_M, TERRAIN_NAMES, load_terrain, make_terrain
 from runtime.terrain.mesh import rasterise
+from tests.helpers.height_maps import write_height_png
 
 places = st.floats(-6.0, 6.0)
 

@@ -146,6 +146,15 @@ def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(app: App) -> None
     assert prompts(app) == [("a proud king", 0), ("an old king", 40)]
 
 
+def test_a_long_prompt_of_a_take_is_in_its_field_as_it_was_typed(app: App) -> None:
+    record(app)
+    seek(app, 60)
+    text = "an old king who has lost his crown and looks for it in the grass, step by step"
+    app.editing.insert_prompt(text)
+    run(app, 3)
+    assert app.editing.prompt == text
+
+
 def test_a_gait_is_inserted_and_the_stick_goes_on(app: App) -> None:
     before = record(app)
     do(app, "seek 30; click + Gait; click Jog")

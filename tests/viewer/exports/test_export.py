@@ -50,6 +50,14 @@ def test_a_range_is_the_trim_or_what_the_timeline_shows(start: Start, tmp_path: 
         assert len(np.load(tmp_path / f"{part or 'all'}.npz")["root_positions"]) == frames
 
 
+def test_a_typed_name_gets_the_ending_of_the_format_and_keeps_its_dots(app: App) -> None:
+    record(app, FRAMES)
+    app.exporting.path = "clips/walk 1.5"
+    for suffix in (".bvh", ".fbx"):
+        app.exporting.choose_format(suffix)
+        assert app.exporting.path == f"clips/walk 1.5{suffix}"
+
+
 @pytest.mark.parametrize("own", [False, True])
 def test_a_glb_has_mesh_skin_motion_and_ground(start: Start, tmp_path: Path, own: bool) -> None:
     app = start(services=REAL, terrain="hills")

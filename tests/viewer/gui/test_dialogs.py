@@ -40,6 +40,15 @@ def test_a_dialog_lists_folders_and_files_that_fit(
     assert question.entries() == []
 
 
+@pytest.mark.parametrize("typed", ["~nobody-of-this-name/x", "x" * 300, "/", "."])
+def test_what_is_typed_on_the_way_to_a_name_is_an_answer_or_none(typed: str) -> None:
+    question = PendingDialog(
+        DialogKind.SAVE, "Save", Path(), ("Sessions", "*.sport"), lambda _: None, typed=typed
+    )
+    assert isinstance(question.entries(), list)
+    assert question.accept() == (typed if Path(typed).name else None)
+
+
 def test_a_file_is_found_by_clicks_alone(start: Start, folder: Path) -> None:
     app, found = start(), []
     app.sessions.dialogs.ask(DialogKind.OPEN, "Open", folder, found.append, ("Clips", "*.bvh"))

@@ -148,9 +148,10 @@ def test_another_model_is_loaded_by_a_dialog_and_remembered(app: App, tmp_path: 
     run(app, 2)
     assert app.settings.model_folder == str(tmp_path)
     assert app.scene.controller is not before
-    app.settings.model_folder = str(tmp_path / "gone")
-    assert app.settings_window.chosen_model() is None
-    assert "is missing" in said(app)
+    for gone in (str(tmp_path / "gone"), "shipped-no-more", str(tmp_path / ("x" * 300))):
+        app.settings.model_folder = gone
+        assert app.settings_window.chosen_model() is None
+        assert f"The model {gone} is missing" in said(app)
 
 
 def test_the_first_minute_ticks_itself_off_and_does_not_come_back(app: App, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from runtime.session.prompt_blend import Side
-from tests.helpers.app_driver import Start, click_on, message, press, run, run_until, type_in
+from tests.helpers.app_driver import Start, click_on, message, press, run, run_until, texts, type_in
 from tests.helpers.slow_model import ANSWER, Model, load_model, source
 from viewer.app import App
 from viewer.jobs import Jobs, Slot
@@ -162,6 +162,8 @@ def test_without_a_key_or_an_address_the_library_answers_and_the_panel_says_why(
     assert source(app) == ("a duck", "library")
     app.language_model.test()
     assert "neither a key nor an address" in app.language_model.report
+    app.language_model.report = "100 % sure"
+    assert any(text.endswith(" 100 % sure") for text in texts(app))
     app.settings.gpt_base_url = "not an address"
     app.language_model.apply()
     assert "Base URL" in app.language_model.problem

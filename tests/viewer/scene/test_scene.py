@@ -11,9 +11,9 @@ from runtime.assets import asset_path, character_file
 from runtime.character.writer import write_character
 from runtime.controls import Controls
 from runtime.errors import SportError
-from runtime.terrain.files import write_height_png
 from tests.helpers.app_driver import InjectedPads, Start, controller, do, message, record, run
 from tests.helpers.gltf_characters import user_character
+from tests.helpers.height_maps import write_height_png
 from tests.helpers.viewer_fakes import FakeRenderer, fake_services
 from viewer.app import App
 from viewer.messages import Level

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from runtime.character.writer import write_character
+from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.session import edits, sqlite_file
 from runtime.session.database import Database
@@ -22,12 +23,12 @@ from runtime.session.library import find, new_path
 from runtime.session.motion import Motion
 from runtime.session.session import ModelName, Reference, Session, Take
 from runtime.session.session_file import SessionFile
-from runtime.terrain.files import write_height_png
 from tests.helpers.app_driver import (
     Start,
     click_on,
     do,
     drawn,
+    message,
     prompt,
     record,
     run,
@@ -38,9 +39,10 @@ from tests.helpers.app_driver import (
 )
 from tests.helpers.full_session import history_of, still, text_of, written
 from tests.helpers.gltf_characters import user_character
+from tests.helpers.height_maps import write_height_png
 from viewer.app import App
 from viewer.edit.item_kinds import CAMERA_KEYS
-from viewer.session.sessions import RESIMULATION
+from viewer.jobs import Slot
 
 
 def said(app: App) -> str:
@@ -238,18 +240,25 @@ def test_of_a_session_a_network_is_loaded_from_known_folders_only(start: Start, 
     assert loaded == [tmp_path / "known"] * 2
 
 
-def test_what_the_end_cuts_short_is_said_then_and_at_the_next_opening(start: Start, tmp_path: Path) -> None:
+@pytest.mark.parametrize("end", ["program", "session"])
+def test_what_the_end_cuts_short_is_said_then_and_at_the_next_opening(
+    start: Start, tmp_path: Path, end: str
+) -> None:
     app = start()
     record(app)
     app.sessions.save_as(tmp_path / "a.sport")
     app.jobs.blocking = False
-    app.jobs.submit(RESIMULATION, threading.Event().wait, lambda _: None)
-    app.interrupt()
-    app.end()
+    waits, slot = threading.Event().wait, Slot("resimulation of a take", 1)
+    app.editor.run(app.jobs, "path of Take 1", slot, waits, lambda _, session: session)
+    if end == "program":
+        app.interrupt()
+        app.end()
+    else:
+        app.sessions.new()
     assert any("was not finished" in message.text for message in app.messages.recent)
     app.close()
     again = start(session=str(tmp_path / "a.sport"))
-    assert "resimulation of a take was not finished" in said(again)
+    assert "Path of Take 1 was not finished: do that again." in said(again)
     again.close()
     assert "not finished" not in said(start(session=str(tmp_path / "a.sport")))
 
@@ -396,6 +405,26 @@ def test_a_folder_that_cannot_be_made_puts_the_session_into_the_temporary_folder
     assert app.end() == 1
     app.close()
     assert len(in_file(path, tmp_path).takes) == 1
+
+
+def test_without_room_for_a_new_session_the_old_one_stays(
+    app: App, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record(app)
+    before = app.editor.file
+    monkeypatch.setattr(Database, "create", _no_room)
+    app.sessions.new()
+    assert "No space left" in message(app)
+    monkeypatch.setattr(tempfile, "mkdtemp", _no_room)
+    app.sessions.new()
+    assert message(app).endswith("Make room on the disk, or save a copy elsewhere.")
+    assert (app.editor.file, titles(app)) == (before, ["Take 1"])
+
+
+def _no_room(path: Path | None = None, prefix: str = "") -> None:
+    if path is None:
+        raise OSError(28, "No space left on device")
+    raise FileError(f"{path}: No space left on device.", "Make room.")
 
 
 def test_a_name_that_cannot_be_written_leaves_the_session_where_it_is(app: App, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What the sticks request of N characters in a frame: probed for obstacles, read as speeds and gaits, and steered to."""
+"""The sticks' request of N characters in a frame: obstacles probed, speeds and gaits read, trajectories steered."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from runtime.terrain.steps import level_ahead
 from runtime.traversal.obstacle_probe import PROBE_M, STOP_SECONDS, ObstacleProbe
 from runtime.traversal.traversal import Traversal
 
-TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
-# devices give 1 at most; who leads a character may ask for more than its style's own speed
+TAKE_OFF_FRAMES = 6  # over which the take-off velocity is averaged
+# devices give 1 at most; a script may request more than the style's own speed
 MAX_STICK_LENGTH = 2.0
 CROUCH_SPEED = 0.8  # m/s at full stick
-# of the plan's speed: slower, a body that starts to jog is still gathering speed
+# of the planned speed: a slower body is still accelerating into a jog
 GATHERED_SPEED_FRACTION = 0.8
-JOG_START_GAIN = 1.0  # of the regulator at most, until then
-MIN_PLANNED_SPEED_M_PER_S = 0.05  # m/s: a body that stops is regulated until then
+JOG_START_GAIN = 1.0  # limit of the regulator's gain until then
+MIN_PLANNED_SPEED_M_PER_S = 0.05  # a stopping body is regulated down to this
 _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
 
 
@@ -50,7 +50,7 @@ def full_speed(style: Style, gait: Gait) -> float:
 
 
 def _stick(controls: Controls) -> tuple[float, float, float]:
-    """X, Z and length of the stick, which is at most `MAX_STICK_LENGTH`."""
+    """Return X, Z and length of the stick, which is at most `MAX_STICK_LENGTH`."""
     x, z = float(controls.move[0]), float(controls.move[1])
     amount = hypot(x, z)
     kept = min(1.0, MAX_STICK_LENGTH / max(amount, MIN_DIVISOR))
@@ -68,7 +68,7 @@ def probe_paths(
     for i, traversal in enumerate(state.traversals):
         gait = state.jumps[i].requested_gait(controls[i].gait)
         requested = sticks[i][2] * full_speed(state.styles[i].style, gait)
-        # a probe next to a beam would find a drop
+        # beside a beam a probe would find a drop
         ground = None
         if requested > STAND_SPEED and not clear[i] and not state.feet[i].on_beam:
             ground = terrain
@@ -80,8 +80,8 @@ def probe_paths(
 
 
 def _clear(state: CharacterState, headings: Array, terrain: Terrain) -> list[bool]:
-    """Whose ways hold no edge, towards `headings` `(N, 2)`."""
-    if terrain.steepest * RUN_M < EDGE_M:  # no slope of this ground is an edge
+    """Return, for each character, whether the path along its heading `(N, 2)` is free of edges."""
+    if terrain.steepest * RUN_M < EDGE_M:  # no slope of this ground is steep enough for an edge
         return [True] * len(state)
     ways = np.array([each.path(way) for each, way in zip(state.traversals, headings, strict=True)])
     reach = PROBE_M + STOP_SECONDS * state.measured_speed
@@ -122,7 +122,7 @@ def read_request(
 def _facing(
     traversal: Traversal, facing: tuple[float, float] | None, ahead: tuple[float, float] | None
 ) -> float | None:
-    """Yaw (radians) of a wall that is climbed, of what the stick faces, or else of the way ahead; None to keep it."""
+    """Yaw (radians) towards a climbed wall, or of the stick's facing, or of the direction of travel; None to keep it."""
     if traversal.climbing:
         return traversal.yaw
     direction = ahead if facing is None else facing
@@ -130,14 +130,14 @@ def _facing(
 
 
 def root_velocity_of(state: CharacterState, index: int) -> tuple[float, float]:
-    """Return the root velocity over the last frames, m/s (X, Z)."""
+    """Return the root velocity averaged over the last frames, m/s (X, Z)."""
     xz = state.trajectory.xz[index]
     x, z = ((xz[PRESENT] - xz[PRESENT - TAKE_OFF_FRAMES]) / (TAKE_OFF_FRAMES * DT)).tolist()
     return x, z
 
 
 def _jog_from(style: Style, gait: int, wished: float) -> float:
-    """Speed of the plan (m/s) from which a body jogs: a slow jog is one too."""
+    """Planned speed (m/s) from which the gait is a jog, also for slow jogs."""
     middle = 0.5 * sum(style.speeds)
     return min(middle, JOG_SHARE * wished) if gait == Gait.JOG else middle
 
@@ -164,7 +164,7 @@ def steer(
     shown = (state.root_speed * state.stride.fraction).tolist()
     gains = state.regulator.update(speeds, shown, moving)
     for i, speed in enumerate(speeds):
-        # requested more while it gathers speed, the network dives into a jog
+        # requested more while it accelerates, the network would lurch into a jog
         gathers = state.regulator.measured[i] < GATHERED_SPEED_FRACTION * speed
         if request.gait[i] == Gait.JOG and gathers and state.regulator.stood[i] < STANDING_SECONDS:
             gains[i] = min(gains[i], JOG_START_GAIN)

@@ -1,7 +1,7 @@
-"""The whole state of a controller at one frame, so that motion can go on from there again, now or in another session.
+"""The complete state of a controller at one frame, to resume the motion from there, now or in another session.
 
-A state is a value, so that a snapshot is the state itself. Its file is that of `runtime.records`: the fields of
-`CharacterState` as JSON and arrays, checked one by one. The same model, ground, seed and controls after `restore` give
+States are immutable, so that a snapshot is the state itself. Its file format is that of `runtime.records`: the fields of
+`CharacterState` as JSON and arrays, each checked. The same model, ground, seed and controls after `restore` give
 the same frames, bit by bit.
 """
 
@@ -33,7 +33,7 @@ VERSION = 8
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, MAX_CODE_VALUE = 64, 64.0, 1e4
 LONGEST_BLEND_S, MAX_STRENGTH_RATIO, MAX_SPEED_M_PER_S = 1e6, 16.0, 100.0
-# what zipfile, json and numpy raise on damaged bytes
+# exceptions of zipfile, json and numpy for damaged bytes
 DAMAGES = (
     ValueError, KeyError, TypeError, OSError, EOFError, IndexError, AttributeError, RecursionError, NotImplementedError,
     RuntimeError, OverflowError, MemoryError, BadZipFile, zlib.error,
@@ -82,7 +82,7 @@ class Snapshot:
 
     @staticmethod
     def from_bytes(data: bytes, name: str = "snapshot") -> Snapshot:
-        """Read a snapshot written by `to_bytes`; a FileError that begins with `name` for anything else."""
+        """Read a snapshot written by `to_bytes`; raises a FileError beginning with `name` for anything else."""
         if len(data) > MAX_BYTES:
             raise FileError(f"{name}: larger than {MAX_BYTES >> 20} MB.", REMEDY)
         try:
@@ -102,7 +102,7 @@ class Snapshot:
 
 
 def _with_edits(tree: Any) -> Any:
-    """The state of a file in which edits were kept with the feet: they begin anew."""
+    """Return the state of a file in which edits were stored with the feet: they restart."""
     if "edits" in tree:
         return tree
     feet = [
@@ -113,7 +113,7 @@ def _with_edits(tree: Any) -> Any:
 
 
 def _is_one_character(state: CharacterState) -> bool:
-    """Whether a state that was read from a file is one that a character can be in."""
+    """Whether a state read from a file is valid for one character."""
     if {len(state.feet), len(state.edits), len(state.traversals), len(state.jumps)} != {1} or state.styles:
         return False
     numbers = bool(state.seed[0] >= 0 and state.frame[0] >= 0)
@@ -146,7 +146,7 @@ def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
 
 
 def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
-    """A folded style; whether its shapes are those of a model shows when it is restored."""
+    """Return a folded style; whether its shapes fit the model is checked by `restore`."""
     folded = [arrays[int(tree[name])] for name in FOLDED_FIELDS]
     if any(array.dtype != np.float32 or not (np.abs(array) <= MAX_CODE_VALUE).all() for array in folded):
         raise ValueError("weights that no style has")
@@ -173,7 +173,7 @@ def _gains(values: Any) -> tuple[float, ...]:
 
 
 def _edits(tree: Any) -> Any:
-    return tree["edits"] if "edits" in tree else tree["legs"]  # the name in files without a trunk
+    return tree["edits"] if "edits" in tree else tree["legs"]  # the field's name in files without a trunk
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
@@ -186,7 +186,7 @@ def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:
-    """The arrays of an NPZ that unfolds to at most `MAX_BYTES`, whatever its headers say; ValueError for another."""
+    """Return the arrays of an NPZ that unpacks to at most `MAX_BYTES`, whatever its headers say; ValueError otherwise."""
     arrays, left = {}, MAX_BYTES
     with ZipFile(io.BytesIO(data)) as file:
         for member in file.infolist():
@@ -200,7 +200,7 @@ def _arrays(data: bytes) -> dict[str, np.ndarray]:
 
 
 def _array(content: bytes) -> np.ndarray:
-    """An NPY whose values are all there."""
+    """Return the array of a complete NPY; ValueError if it is truncated."""
     stream = io.BytesIO(content)
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("an array of another version")

@@ -221,7 +221,7 @@ def _too_far(angle: float, bound: float) -> float:
 
 
 def _angles(rotations: list[Quaternion], side: Vector, ahead: Vector) -> tuple[float, float, float]:
-    """Return lean forward and sideways of the line from hips to neck, and twist (degrees), from the rotations of hips and spine."""
+    """Return lean, sideways lean (hips to neck) and twist in degrees, from the rotations of hips and spine."""
     pelvis, *spine = rotations[: 1 + len(_SPINE)]
     lower = multiply(pelvis, spine[0])
     middle = multiply(lower, spine[1])

@@ -1,4 +1,4 @@
-"""A session, a motion's header or its input from the text of `document`, of a file that is not trusted."""
+"""Reads a session, a motion's header or its input from the untrusted text that `document` writes."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ from runtime.terrain.mesh import MAX_SIDE
 MAX_TAKES = 10_000
 MAX_VARIANTS, MAX_NEAREST = 9, 20
 SOURCES = ("library", "gpt", "explicit")
-# in memory, about: of a take without its frames, of a state, and of a change of what made a take
+# approximate memory of a take without its frames, of a controller state, and of a change in a take's input
 TAKE_BYTES, STATE_BYTES, CHANGE_BYTES = 20_000, 65_536, 4096
-ITEM_BYTES = 100  # of a value of a text
+ITEM_BYTES = 100  # per value of a text
 CODE_SHAPE = (6, 64)
-# what JSON of another shape raises where it is unpacked
+# exceptions raised while unpacking JSON of another shape
 STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
@@ -84,13 +84,13 @@ class DocumentReader:
     blobs: BlobReader
     motion: Callable[[str], Motion]
     left_out: set[str] = field(default_factory=set)  # references of takes that cannot be read
-    _takes: dict[str, Take] = field(default_factory=dict)  # the others, by theirs
+    _takes: dict[str, Take] = field(default_factory=dict)  # the readable ones, by reference
 
     def session(self, text: str) -> Session:
         return self.checked(lambda: self._record(Session, self._parsed(text)))
 
     def _parsed(self, text: str) -> Json:
-        """Return the value of a text, whose making is counted before."""
+        """Parse a text, charging its memory to the budget first."""
         spend = self.blobs.budget.spend
         return parse_json(text, MAX_ITEMS, spend=lambda items: spend(ITEM_BYTES * items))
 
@@ -137,7 +137,7 @@ class DocumentReader:
         return not any(reference in text for reference in self.left_out)
 
     def _sound_takes(self, references: list[Json]) -> list[Take]:
-        """Return takes without those that cannot be read; each step names all of them again."""
+        """Return the takes that can be read; every step lists all takes again."""
         names = [str(reference) for reference in references]
         for name, reference in zip(names, references, strict=True):
             if name not in self._takes and name not in self.left_out:
@@ -166,7 +166,7 @@ class DocumentReader:
         heights = self.blobs.array(value["heights"], "<f4", (None, None))
         cell, path = read_number(value["cell_m"], 1000.0), self.blobs.path
         fits = min(heights.shape) >= 2 and max(heights.shape) <= MAX_SIDE and cell >= 1e-4
-        if not fits or not np.abs(heights).max() <= MAX_HEIGHT_M:  # nor with NaN
+        if not fits or not np.abs(heights).max() <= MAX_HEIGHT_M:  # also rejects NaN
             raise FileError(f"{path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY)
         origin = (read_number(value["x"], MAX_DISTANCE_M), read_number(value["z"], MAX_DISTANCE_M))
         unit = read_number(value["unit_m"], MAX_SIZE)
@@ -182,7 +182,7 @@ class DocumentReader:
             raise ValueError("parents")
 
         def made() -> OwnSkeleton:
-            self.blobs.budget.spend(10 * self.blobs.size(steps))  # whole numbers and places while it unfolds
+            self.blobs.budget.spend(10 * self.blobs.size(steps))  # integers and positions, unpacked
             points = self.blobs.array(middle, "<f4", (None, 3))
             return OwnSkeleton.unpacked(tuple(parents), points, self.blobs.data(steps))
 
@@ -226,7 +226,7 @@ class DocumentReader:
         return values
 
 
-_FORMS: dict[Any, Form] = {  # of what is no record
+_FORMS: dict[Any, Form] = {  # of values that are not records
     Motion: lambda reader, value: reader.motion(read_text(value, MAX_TEXT_CHARACTERS)),
     Ground: lambda reader, value: reader._ground(value),
     OwnSkeleton: lambda reader, value: reader._own(value),
@@ -240,7 +240,7 @@ _FORMS: dict[Any, Form] = {  # of what is no record
 
 @cache
 def _forms(kind: Any) -> dict[str, Form]:
-    """Return how the fields of a kind of record are read; found once, as thousands of each are read."""
+    """Return how the fields of a record type are read; cached, as thousands of records are read."""
     longest = math.inf if kind in LONG_TEXTS else MAX_TEXT_CHARACTERS
     return {name: _form(hint, longest) for name, hint in record_fields(kind)}
 
@@ -314,13 +314,13 @@ def _on_a_foot(edit: FootplantEdit) -> bool:
 
 
 def _mended_session(session: Session) -> Session:
-    """Return the session with a counter of its last take at least, and a selection that is there."""
+    """Return the session with its counter at least that of its last take, and a valid selection."""
     numbers = _numbers(session)
     selected = session.selected if session.selected in numbers else LIVE
     return replace(session, counter=max(session.counter, *numbers, 0), selected=selected)
 
 
-_RULES: dict[Any, tuple[tuple[str, Callable[[Any], bool]], ...]] = {  # what is wrong where it does not hold
+_RULES: dict[Any, tuple[tuple[str, Callable[[Any], bool]], ...]] = {  # error messages and conditions
     Session: (
         ("takes without numbers of their own", lambda s: len({LIVE, *_numbers(s)}) == len(s.takes) + 1),
         ("variants without end", lambda s: len(s.variants) <= MAX_VARIANTS),

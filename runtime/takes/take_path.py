@@ -1,7 +1,7 @@
-"""The way of a take as points with speeds, and the take resimulated along a changed one.
+"""The path of a take as waypoints, and resimulation along an edited path.
 
-A take was driven by a stick; along another way the stick follows from where the character comes to, so that the network
-walks it as it would live. Prompts stay at their frames; the take ends where the way does.
+A take was driven by a stick; along an edited path the stick is computed from the character's position, so that the
+network walks it as it would live. Prompts stay at their frames; the take ends with the path.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputFrames, InputRecording, Steppable, started, with_poses
 from runtime.takes.metadata import gait_of
 
-APART_M = 1.5  # between two points of a straight way
-BEND_M = 0.12  # that the way may lie off the line between two points
+APART_M = 1.5  # between two waypoints of a straight path
+BEND_M = 0.12  # tolerated deviation from the line between two waypoints
 MIN_STICK = 0.1  # of the full stick
-STANDS_S = 0.75  # after the end of the way
+STANDS_S = 0.75  # after the end of the path
 MAX_SECONDS = 600.0
-MOVED_M = 0.05  # less is standing
+MOVED_M = 0.05  # a shorter distance counts as standing
 
 
 def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
@@ -47,7 +47,7 @@ def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
 
 
 def _leg(frames: Sequence[Controls]) -> tuple[float, Gait]:
-    """How far the stick was pushed on a leg, and the gait of most of it."""
+    """Return the stick length on a section, and its predominant gait."""
     moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
     gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
     stick = float(np.median([hypot(*c.move) for c in moving]))
@@ -94,7 +94,7 @@ def _place(pose: Pose) -> PlanarPose:
 
 
 def _corners(path: Array) -> list[int]:
-    """Frames of the points: where the way bends (Ramer 1972, Douglas and Peucker 1973), and on long straight stretches."""
+    """Return the waypoints' frames: corners (Ramer 1972, Douglas and Peucker 1973), and points on long straight sections."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     if along[-1] < MOVED_M:
         return [0]

@@ -14,7 +14,7 @@ from runtime.skeleton import PART_NAMES
 
 _LIMBS = ("arm", "leg")
 _OF_A_PERSON = word_set("left right both two his her their its my your")  # owners of a limb
-_PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # phrase targets, and the part whose actions they use
+_PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # phrase targets and their parts
 
 
 @dataclass(frozen=True)

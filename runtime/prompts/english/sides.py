@@ -102,7 +102,7 @@ class _Limbs:
         return f"the {sides[-1]} " if sides else match.group()
 
     def _bare(self, match: Match) -> str:
-        """Return the limb of a side without a noun, the last one mentioned: "her left hangs", "left down" after "right hand up"."""
+        """Return the limb of a side without a noun, the last one mentioned: "her left hangs", "right hand up, left down"."""
         bare = match["bare"]
         if bare:
             if match["whose"] in (None, "the ") and not (self._spoken and self._side != bare):

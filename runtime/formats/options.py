@@ -1,4 +1,4 @@
-"""The options of an export, each declared once: its argument of the command line, its widget in the window, its formats.
+"""Export options, each declared once: command-line argument, widget in the window, formats.
 
 Nothing heavy is imported: `sport --help` reads this file.
 """
@@ -211,7 +211,7 @@ class ExportOptions:
 
 
 _Rule = tuple[str, Callable[[ExportOptions], bool], Callable[[ExportOptions], str], str]
-_RULES: tuple[_Rule, ...] = (  # an option, whether it can be used, what is wrong, what to do
+_RULES: tuple[_Rule, ...] = (  # option, condition, problem, remedy
     ("humanoid_names", lambda o: bool(o.bones) or not o.humanoid_names,
      lambda o: ": these names are those of an engine.", "Add --for unreal, unity, godot or maya."),
     ("fps", lambda o: 1.0 <= o.fps <= MAX_FPS,

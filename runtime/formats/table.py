@@ -1,6 +1,6 @@
-"""The one table of formats: what a file's ending says is written, and by what; their options are in `runtime.formats.options`.
+"""The table of formats: file ending, name, writer; their options are in `runtime.formats.options`.
 
-Command, window, batch and `convert` go by it. Films are in it too, but they are drawn by `viewer.filming`.
+Command, window, batch and `convert` use it. Films are listed too, but drawn by `viewer.filming`.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def format_of(path: Path) -> Format:
     found = FORMATS.get(path.suffix.lower())
     if found is not None:
         return found
-    if os.path.isdir(path):  # False for a name that no disk can hold, which writing refuses
+    if os.path.isdir(path):  # False for an invalid name, which writing refuses
         raise UsageError(f"{path}: this is a folder.", "Add the name of a file.")
     known = ", ".join(f"{f.suffix} ({f.text})" for f in _TABLE)
     what = f"nothing writes files that end in {path.suffix}" if path.suffix else "a name without an ending"

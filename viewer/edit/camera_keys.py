@@ -1,4 +1,4 @@
-"""The camera of a take: views are keyed at frames, dragged on a track of the timeline, looked through, and filmed."""
+"""The camera of a take: keyed views, shown on a track of the timeline, looked through, and filmed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from viewer.render.camera import FOV_Y_RAD, looked_at
 from viewer.scene.camera_control import CameraControl
 from viewer.session.takes import Takes
 
-FILM_VIEW_FRACTION = 0.96  # of the free view is the film, that its edges are seen
+FILM_VIEW_FRACTION = 0.96  # of the free view that the film covers, so that its edges are visible
 
 
 @dataclass
@@ -31,9 +31,9 @@ class CameraKeys:
     editor: Editor
     takes: Takes
     control: CameraControl
-    # its size as "width x height", and its field of view in degrees, 0: the usual one
+    # its size as "width x height", and its field of view in degrees (0 for the default)
     film: Callable[[], tuple[str, float]]
-    _frame: tuple[int, int] = (-1, -1)  # the take and the frame that were looked at last
+    _frame: tuple[int, int] = (-1, -1)  # take and frame last looked at
 
     @property
     def keys(self) -> tuple[CameraKey, ...]:

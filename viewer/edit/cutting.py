@@ -1,4 +1,4 @@
-"""Cut, split, repeat and join of takes: a menu over the timeline of the take that plays."""
+"""Cut, split, repeat and join takes: a menu of the playing take."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from viewer.session.takes import Takes
 
 CUTTING = Slot("cut of a take")
 TIMES = (2, 3, 4, 8)
-MAX_FRAMES = 216_000  # of what is made: an hour
+MAX_FRAMES = 216_000  # of the result: an hour
 CUT_HINT = "A new take without the frames between the trim handles, blended over the gap"
 SPLIT_HINT = "Two takes; the handles of each can be dragged back"
 REPEAT_HINT = "A new take that repeats what the handles keep"
@@ -87,7 +87,7 @@ class Cutting:
             self._make(take, name, lambda: joined(take.exported, other.exported, grounds), take.range[0])
 
     def _make(self, take: Take, name: str, work: Callable[[], Clip], begin: int, times: int = 1) -> None:
-        """Make a take of another one on a worker; its camera keys come along from the frame `begin` on."""
+        """Make a take from another one on a worker; camera keys are kept from frame `begin` on."""
         if times * take.frames > MAX_FRAMES:
             self.takes.messages.note("That take would last more than an hour.")
             return

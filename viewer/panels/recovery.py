@@ -1,4 +1,4 @@
-"""Two windows: what a defect has closed, with its report; and the work of a run that was cut off."""
+"""Two windows: the report of an internal error, and the offer to restore an interrupted session."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from viewer.messages import Messages
 from viewer.session.sessions import OPENING, Sessions, SessionSummary
 from viewer.session.summaries import describe
 
-WIDTH_PX, REPORT_HEIGHT_PX = 560.0, 220.0  # pixels at scale 1
+WIDTH_PX, REPORT_HEIGHT_PX = 560.0, 220.0  # at scale 1
 
 
 def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Panel:
@@ -56,10 +56,10 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
 
 @dataclass
 class CutOffWindow:
-    """Offers to restore a session that was cut off, once at startup."""
+    """Offers to restore an interrupted session, once at startup."""
 
     sessions: Sessions
-    left: SessionSummary | None = None  # what is offered, while the window is open
+    left: SessionSummary | None = None  # the offered session, while the window is open
 
     def begin(self) -> None:
         """Open the window if there is such a session."""
@@ -77,7 +77,7 @@ class CutOffWindow:
 
     def _draw(self, _: Rect) -> None:
         sessions, left = self.sessions, self.left
-        if left is None or left.path == sessions.editor.file.path:  # it was opened elsewhere
+        if left is None or left.path == sessions.editor.file.path:  # it has been opened elsewhere
             self.left = None
             return
         imgui.text_wrapped("The last run ended without being closed. Its work is kept:")
@@ -91,7 +91,7 @@ class CutOffWindow:
             sessions.discard(left)
             self.left = None
 
-        # a file that the user named is not removed from here
+        # a file that the user named is not deleted here
         named = sessions.cut_off is None or left.path != sessions.cut_off.path
         with widgets.disabled(sessions.jobs.busy(OPENING)):
             widgets.buttons(

@@ -1,4 +1,4 @@
-"""The bar over the view: the session's menu and its name."""
+"""The bar at the top of the view: session menu and name."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from viewer.session.sessions import Sessions, SessionSummary
 from viewer.session.summaries import describe, time_text
 
 POPUP = "session menu"
-NAME_WIDTH = 130.0  # with its icon, pixels at scale 1
+NAME_WIDTH = 130.0  # including its icon, at scale 1
 MENU_WIDTH = 240.0
 MARGIN_PX = 10.0
-MAX_PICTURE = 512  # pixels of a side
+MAX_PICTURE = 512  # pixels per side
 MAX_LISTED_LOST = 30  # takes
 MIN_VIEW = 200.0  # a narrower view has no room for the bar
-# plain numbers: Python 3.11.2, Debian 12's, raises where two of these keys are joined as the enumeration they are
+# integers, because Python 3.11.2 (Debian 12) raises when combining two of these keys as enumeration members
 _CTRL, _SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
 _SAVE, _OPEN, _EXPORT = (_CTRL | int(key) for key in (imgui.Key.s, imgui.Key.o, imgui.Key.e))
 _SAVE_AS = _SHIFT | _SAVE
@@ -43,7 +43,7 @@ class SessionBar:
     guide: Guide
     settings_window: SettingsWindow
     ctx: Any  # OpenGL context
-    _pictures: dict[Path, Any] = field(default_factory=dict)  # textures of earlier sessions
+    _pictures: dict[Path, Any] = field(default_factory=dict)  # textures of recent sessions
 
     def panel(self) -> Panel:
         """Return the bar's panel, with the Ctrl shortcuts."""
@@ -181,14 +181,14 @@ class SessionBar:
 
 
 def _items(*items: tuple[str, str, Callable[[], object] | None]) -> None:
-    """Draw lines of a menu: text, key and action; one without an action is disabled."""
+    """Draw menu entries: text, key and action; one without an action is disabled."""
     for text, key, act in items:
         if imgui.menu_item(text, key, False, act is not None)[0] and act is not None:
             act()
 
 
 def _texture(ctx: Any, png: bytes) -> Any:
-    """Return a texture of a small picture; None for what is none."""
+    """Return a texture of a small picture; None if it is invalid."""
     from PIL import Image
 
     try:

@@ -30,7 +30,7 @@ RESET = (
     "ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "navigation", "pad_buttons", "keys",
     "exact_legs",
 )  # fmt: skip
-WIDTH_PX = 470.0  # pixels at scale 1
+WIDTH_PX = 470.0  # at scale 1
 SCALES = (
     (0.0, "As the monitor says"), (0.75, "75 %"), (1.0, "100 %"), (1.25, "125 %"), (1.5, "150 %"), (2.0, "200 %"),
     (3.0, "300 %"),
@@ -39,7 +39,7 @@ SCALES = (
 
 @dataclass
 class SettingsWindow:
-    """The settings window: what it needs, and whether it is open."""
+    """The settings window: its dependencies, and whether it is open."""
 
     settings: Settings
     messages: Messages
@@ -142,7 +142,7 @@ class SettingsWindow:
             self.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
 
     def _bindings(self, setting: str, table: Mapping[Action, str], texts: Mapping[str, str]) -> None:
-        """Draw what each button or key does; one that is taken is exchanged, which is said."""
+        """Draw the action of each button or key; binding one in use swaps the two, with a message."""
         changes = getattr(self.settings, setting)
         for action, key in bound(table, changes).items():
             widgets.row(_named(action))
@@ -184,6 +184,6 @@ def choices() -> tuple[tuple[Path, str], ...]:
 
 
 def use_of(folder: Path) -> str:
-    """Return in a few words what the licence of a shipped model allows; ModelError if its metadata is damaged."""
+    """Return a short statement of a shipped model's licence terms; ModelError if its metadata is damaged."""
     licence = str(read_metadata(folder).get("notes", {}).get("licence", ""))
     return FREE if licence.startswith("CC BY 4.0") else BOUND

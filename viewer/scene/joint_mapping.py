@@ -1,4 +1,4 @@
-"""Joints of a character that its user names by hand: what is guessed, what is chosen, keeping it in the file's folder, and the window."""
+"""Mapping of a character's joints by hand: the guess, the user's choice, its file, and the window."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class JointMapping:
     path: Path | None = None
     guess: JointGuess | None = None
     chosen: dict[str, str] = field(default_factory=dict)
-    selected: str = ""  # the SPORT joint whose row was used last
+    selected: str = ""  # the SPORT joint of the row used last
     problem: str = ""  # why it could not be applied
 
     def guessed(self, joint: str) -> str:
@@ -76,7 +76,7 @@ class JointMapping:
     def choose(self, joint: str, name: str | None) -> None:
         """Map a SPORT joint to a joint of the file: "" for none, None for the guess.
 
-        Each joint of the file has one SPORT joint: another one that had it is left without.
+        Each joint of the file maps to one SPORT joint only: another one that had it loses it.
         """
         chosen = {key: value for key, value in self.chosen.items() if key != joint}
         name = self.guessed(joint) if name is None else name
@@ -117,10 +117,10 @@ class JointMapping:
         self.open = False
 
 
-WIDTH_PX, HEIGHT_PX = 720.0, 560.0  # pixels at scale 1
-AROUND_LISTS_PX = 224.0  # of the window's height: title, counts, buttons, margins
+WIDTH_PX, HEIGHT_PX = 720.0, 560.0  # at scale 1
+AROUND_LISTS_PX = 224.0  # part of the window's height: title, counts, buttons, margins
 INDENT_PX = 9.0  # of a child in the trees
-NAME_WIDTH_PX = 150.0  # of the project's joints
+NAME_WIDTH_PX = 150.0  # of the SPORT joints
 
 
 def panel(mapping: JointMapping) -> Panel:
@@ -200,7 +200,7 @@ def _mapped_joint(state: JointMapping, guess: JointGuess, joint: int) -> None:
 
 @cache
 def _depth(joint: int) -> int:
-    """Return how many joints are above one of the project's."""
+    """Return the number of ancestors of a SPORT joint."""
     parent = SPORT_SKELETON.parents[joint]
     return 0 if parent < 0 else 1 + _depth(parent)
 
@@ -234,7 +234,7 @@ def _end(state: JointMapping) -> None:
 
 
 def _ordered(guess: JointGuess) -> list[tuple[int, int]]:
-    """Return the joints of the file in the order of their tree, children under their parents, with their depth."""
+    """Return the joints of the file in hierarchical order, parents before children, with their depth."""
     tree, found = JointTree(guess.parents, guess.positions), []
     waiting = [(k, 0) for k in reversed(range(len(guess.parents))) if guess.parents[k] < 0]
     while waiting:

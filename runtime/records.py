@@ -21,7 +21,7 @@ from runtime.errors import FileError
 Record = TypeVar("Record")
 Tree = Any  # of JSON; arrays are named by their numbers
 MAX_NUMBER = 1e6  # metres, seconds, radians and the like
-LONGEST_TUPLE = 64
+MAX_TUPLE_ITEMS = 64
 REMEDY = "Record the take again."
 
 
@@ -134,7 +134,7 @@ def _read(hint: Any, value: Tree, arrays: typing.Sequence[np.ndarray], path: str
 
 def _kinds(inside: tuple[Any, ...], value: Tree, path: str) -> typing.Sequence[Any]:
     """The kind of each item of a tuple's values."""
-    if not isinstance(value, list) or len(value) > LONGEST_TUPLE:
+    if not isinstance(value, list) or len(value) > MAX_TUPLE_ITEMS:
         raise _error(path, "expected a list")
     kinds = [inside[0]] * len(value) if inside[-1] is Ellipsis else inside
     if len(kinds) != len(value):

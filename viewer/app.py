@@ -32,7 +32,7 @@ from viewer.workspace import Workspace
 __all__ = ["App", "ViewOptions", "run"]
 
 # slow pictures are dropped and the motion keeps its time; more is a pause (a suspended laptop)
-LONGEST_FRAME_S = 1.0
+MAX_FRAME_S = 1.0
 MINIMISED_WAIT_S = 0.1
 LOADING_FPS = 20.0
 FRAMES_PER_MEMORY_LOOK = 60  # between two looks at the memory
@@ -223,7 +223,7 @@ class App(Workspace):
         """Return the seconds since the last frame; offscreen every frame is one simulation step."""
         now = time.perf_counter()
         self._interval_s, self._last_s = now - self._last_s, now
-        return STEP_SECONDS if self.options.offscreen else min(self._interval_s, LONGEST_FRAME_S)
+        return STEP_SECONDS if self.options.offscreen else min(self._interval_s, MAX_FRAME_S)
 
     def _read_devices(self, dt: float) -> Intent:
         self.devices.play_script(self._scripted_seconds)

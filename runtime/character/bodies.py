@@ -18,7 +18,7 @@ from runtime.safe_read import printable
 
 MAX_BODY_JOINTS = 1024
 FBX_ROOT = "root"  # node above all others in a converted FBX
-LEAST_JOINTS = len(NEEDED)  # minimum joints of a body that is recognised by its hierarchy
+MIN_BODY_JOINTS = len(NEEDED)  # minimum joints of a body that is recognised by its hierarchy
 MAX_LOOSE_BODIES = 8  # without recognisable names
 # of a file without skins: fraction of the animated nodes, cameras and props apart, below the top of a body
 MOVED_FRACTION = 0.8
@@ -142,7 +142,7 @@ def _parted(nodes: Nodes, top: int, bones: Collection[int], depth: int = 8) -> d
     below = nodes.counts(bones)
     while len(deeper := list(filter(below.__getitem__, nodes.children[top]))) == 1 and top not in bones:
         top = deeper[0]
-    if depth == 0 or not LEAST_JOINTS <= below[top] <= MAX_BODY_JOINTS:
+    if depth == 0 or not MIN_BODY_JOINTS <= below[top] <= MAX_BODY_JOINTS:
         return {}
     tree = nodes.joint_tree(list(filter(below.__getitem__, nodes.under(top))))
     if guess_by_structure(tree, tree.positions):

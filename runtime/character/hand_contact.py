@@ -17,7 +17,7 @@ ANCHORS = tuple(SPORT_SKELETON.index(name) for name in ("Hips", "Spine1", "Head"
 TRUNK_WIDTH_M, TRUNK_DEPTH_M, TRUNK_LOW_M, TRUNK_HIGH_M = 0.16, 0.11, -0.06, 0.5
 HEAD_RADIUS_M, HEAD_UP_M = 0.13, 0.08
 NEAR_M, FAR_M = 0.06, 0.14  # surface to wrist: in contact, and free
-BENT, STRAIGHT = np.radians((75.0, 40.0))  # elbow flexion
+BENT_ELBOW_RAD, STRAIGHT_ELBOW_RAD = np.radians((75.0, 40.0))  # elbow flexion
 
 
 def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...]) -> AnyArray:
@@ -33,7 +33,7 @@ def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...
     upper, fore = (positions[..., arm[k + 1], :] - positions[..., arm[k], :] for k in (0, 1))
     cosine = np.sum(upper * fore, axis=-1) / np.linalg.norm(upper, axis=-1) / np.linalg.norm(fore, axis=-1)
     bent = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return ramp(np.minimum(trunk, head), FAR_M, NEAR_M) * ramp(bent, STRAIGHT, BENT)
+    return ramp(np.minimum(trunk, head), FAR_M, NEAR_M) * ramp(bent, STRAIGHT_ELBOW_RAD, BENT_ELBOW_RAD)
 
 
 def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyArray:
@@ -55,7 +55,7 @@ def ramp(value: AnyArray, none: float, full: float) -> AnyArray:
 # of a motion: limit of a hand's change of offset per frame, relative to its fastest step nearby; range of such frames
 STEP_FRACTION, NEAR_FRAMES = (0.25, 30)
 MAX_TURN_STEP_RAD = 0.1  # per frame, of a hand in its wrist
-ROUNDS = 4  # of turning and pushing: moving out of one part may move into the next
+PUSH_ROUNDS = 4  # of turning and pushing: moving out of one part may move into the next
 MAX_WRIST_TURN_RAD = 1.2  # limit of the wrist's rotation
 NECK_M, WAIST_M = 0.1, 0.25  # below the shoulder: a hand at neck or head does not turn, as it would flutter
 FORWARD_WEIGHT = 0.4  # weight with which a hand pointing straight into the body turns forward, as on the hip
@@ -214,7 +214,7 @@ class _Seen:
         turns = np.zeros((*self.wrists.shape[:-1], 4))
         turns[..., 0] = 1.0
         left = MAX_WRIST_TURN_RAD * self.low
-        for _ in range(ROUNDS):
+        for _ in range(PUSH_ROUNDS):
             hands = rotations.rotate(turns[..., None, :], self.hands)
             deep, out = self._depth(hands)
             if not np.any(deep):
@@ -234,7 +234,7 @@ class _Seen:
         """Return shifts `(..., S, 3)` that bring all points of the turned hands out of trunk and head."""
         hands = rotations.rotate(turns[..., None, :], self.hands)
         way: AnyArray = np.zeros(self.wrists.shape, np.float64)
-        for _ in range(ROUNDS):
+        for _ in range(PUSH_ROUNDS):
             deep, out = self._depth(hands, way)
             if not np.any(deep):
                 break

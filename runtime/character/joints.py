@@ -58,7 +58,7 @@ CONVENTIONS = {
     **{convention: _both_sides(names) for convention, names in _NAMES.items()},
 }
 NEEDED = ("Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm")))
-MOST_LIFT_M = 0.6  # maximum depth of the soles under the ankles
+MAX_LIFT_M = 0.6  # maximum depth of the soles under the ankles
 REQUIRED = (*NEEDED, *(side + "Hand" for side in _SIDED))  # required for a match by names
 
 
@@ -163,7 +163,7 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
         and np.allclose(rest_world[:, :3, :3], np.eye(3), atol=1e-5)
     )
     sole = float((vertices @ facing[1]).min()) * scale
-    lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -MOST_LIFT_M, MOST_LIFT_M))
+    lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -MAX_LIFT_M, MAX_LIFT_M))
     arms, basis = position - position[anchor], scale * facing @ rest_world[:, :3, :3]
     offset = position[hips] - legs
     return Alignment(order, source, driver, anchor, turns, arms, basis, offset, lift, native, 1.0 / scale)

@@ -20,7 +20,7 @@ from runtime.character.textures import Textures, primitive_colors
 
 MAX_BIND = 1e6  # of an inverse bind matrix: larger values would make rounding visible
 # of all meshes; game characters have about 100,000 vertices
-MOST = {"primitives": MAX_PRIMITIVES, "vertices": 1_000_000, "triangles": 2_000_000}
+MAX_COUNTS = {"primitives": MAX_PRIMITIVES, "vertices": 1_000_000, "triangles": 2_000_000}
 MAX_JOINTS = 1024
 MAX_SKIN_JOINTS = 16 * MAX_JOINTS  # of all skins, which usually share joints
 _SKINNED_AT_ONCE = 1 << 15  # vertices per batch, whose blended matrices take 400 bytes each
@@ -165,7 +165,7 @@ class _Reader:
         vertices = self._file.count(primitive.attributes.POSITION)
         triangles = (self._file.count(primitive.indices) or vertices) // 3
         self._counts.update(primitives=1, vertices=vertices, triangles=triangles)
-        for name, most in MOST.items():
+        for name, most in MAX_COUNTS.items():
             if self._counts[name] > most:
                 problem = f"more than {most} {name} up to the POSITION of {what}."
                 raise self._file.error(problem, "Reduce the mesh.")

@@ -26,11 +26,11 @@ OUR_HEEL = np.array([0.0, -ANKLE_HEIGHT, -0.05])  # of our own sole, metres from
 OUR_BALL = np.array([0.0, -ANKLE_HEIGHT, float(SPORT_SKELETON.offsets[LEGS[0][3], 2])])
 SOLE_FRACTION = 0.25  # of the ankle's height: vertices up to there belong to the sole
 KNEE = np.array([0.0, 0.0, 1.0])  # direction in which a straight knee bends
-HEEL_DOWN, HEEL_UP = np.radians((-2.0, -15.0))  # pitch of a foot where its toes begin to bend, and end
-TOE_BEND = np.radians(80.0)  # their range
-OUTLINE = 13  # points of a foot or of toes,
+HEEL_DOWN_RAD, HEEL_UP_RAD = np.radians((-2.0, -15.0))  # pitch at which the toes begin to bend, and stop
+MAX_TOE_BEND_RAD = np.radians(80.0)  # their range
+OUTLINE_POINTS = 13  # points of a foot or of toes,
 OUTLINE_LEAN_FACTOR = 0.35  # tangent of the sideways roll of feet
-FLAT = (0.8, 1.0)  # contacts of heel and toe from which a foot stands flat,
+FLAT_RANGE = (0.8, 1.0)  # contacts of heel and toe from which a foot stands flat,
 ON_SLOPES_WEIGHT = 0.8  # also on a slope, where its heel may be lower: weight of the heel's lift
 PRESSED_M = 0.002  # m, depth of our soles in the ground, `sink` of the foot lock
 TOES_UP_FRACTION = 0.1  # sine of the pitch from which a foot rolls over its heel
@@ -91,9 +91,9 @@ def _sole(points: AnyArray) -> tuple[float, float, float]:
 
 
 def _outline(points: AnyArray) -> AnyArray:
-    """Return the lowest, foremost and rearmost points `(3 OUTLINE, 3)`, upright and leaning to either side."""
-    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, OUTLINE)
-    leans = np.repeat([-OUTLINE_LEAN_FACTOR, 0.0, OUTLINE_LEAN_FACTOR], OUTLINE)
+    """Return the lowest, foremost and rearmost points `(3 OUTLINE_POINTS, 3)`, upright and leaning to either side."""
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, OUTLINE_POINTS)
+    leans = np.repeat([-OUTLINE_LEAN_FACTOR, 0.0, OUTLINE_LEAN_FACTOR], OUTLINE_POINTS)
     directions = np.stack([leans, np.tile(-np.cos(angles), 3), np.tile(np.sin(angles), 3)], 1)
     return np.asarray(points[np.argmax(points @ directions.T, axis=0)])
 
@@ -125,8 +125,8 @@ def plant_feet(
 def _flat_toes(foot: AnyArray, toes: AnyArray) -> AnyArray:
     """Return toes bent up under a rising heel: the motion hardly bends them, and longer toes would enter the ground."""
     pitch, own = (np.arcsin(np.clip(rotations.rotate(q, KNEE)[..., 1], -1.0, 1.0)) for q in (foot, toes))
-    wanted = np.minimum(pitch + TOE_BEND, 0.0)
-    up = smoothstep((HEEL_DOWN - pitch) / (HEEL_DOWN - HEEL_UP)) * np.maximum(wanted - own, 0.0)
+    wanted = np.minimum(pitch + MAX_TOE_BEND_RAD, 0.0)
+    up = smoothstep((HEEL_DOWN_RAD - pitch) / (HEEL_DOWN_RAD - HEEL_UP_RAD)) * np.maximum(wanted - own, 0.0)
     axis = rotations.rotate(foot, np.array([1.0, 0.0, 0.0]))
     return rotations.multiply(rotations.from_axis_angle(axis, -up), toes)
 
@@ -158,6 +158,6 @@ def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, contacts: AnyArray, flo
     own_toes = rotations.rotate(foot, soles.toe_joint)[..., 1] + np.sum(soles.toes * in_toes, -1).min(-1)
     in_foot = (rotations.to_matrix(foot).swapaxes(-1, -2) @ down)[..., None, :]
     own_low = np.minimum(np.sum(soles.foot * in_foot, -1).min(-1), own_toes) + shift[..., 1]
-    stands = smoothstep((contacts.min(axis=-1) - FLAT[0]) / (FLAT[1] - FLAT[0]))
+    stands = smoothstep((contacts.min(axis=-1) - FLAT_RANGE[0]) / (FLAT_RANGE[1] - FLAT_RANGE[0]))
     lift = np.maximum(floor - own_low, 0.0) * (1.0 - ON_SLOPES_WEIGHT * stands)
     return np.asarray(shift + lift[..., None] * down)

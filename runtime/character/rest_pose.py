@@ -12,7 +12,7 @@ from runtime.character.mesh import skin_joints
 from runtime.character.nodes import Nodes
 
 MAX_BIND_MATRICES = 50_000
-LEAST_TO_AGREE = 3  # minimum joints of a skin to determine its space
+MIN_AGREEING_JOINTS = 3  # minimum joints of a skin to determine its space
 ALIKE_FRACTION = 1e-3  # of a body's size: tolerance for rounding of joint positions
 SAME_LENGTH_FACTOR = 1.03
 MAX_STRETCH_FACTOR = 1.5  # bones of skin and nodes that differ by more do not match
@@ -74,7 +74,7 @@ def _space(
     nodes' lengths, the one that moves joints least. Else the uppermost joint is assumed to stand as it was bound.
     None if it cannot be determined. FileError if no space gives bones the nodes' lengths.
     """
-    at, agree = nodes.rest[members], len(members) >= LEAST_TO_AGREE
+    at, agree = nodes.rest[members], len(members) >= MIN_AGREEING_JOINTS
     if agree and np.ptp(bind[:, :3, 3], axis=0).max() <= ALIKE_FRACTION * np.abs(bind[:, :3, :3]).max():
         return None  # degenerate matrices
     agreed = _agreed(at, bind) if agree else None

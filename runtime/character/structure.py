@@ -17,7 +17,7 @@ ANKLE_FRACTION = 0.15  # the first joint of a leg below this is its ankle
 # of the distance from the first joint to the knee: where the thigh begins; joints beyond are twists
 BUTTOCK_FRACTIONS = (0.01, 0.2)
 TOE_FRACTION = 0.03  # from ankle to toe, along the ground
-TOLERANCE = 0.1  # between left and right
+SIDE_TOLERANCE = 0.1  # between left and right
 # fractions of an arm's length from its first joint to its tip
 UPPER_ARM_FRACTION = 0.47  # joints up to here may be the upper arm, those beyond are twists
 FINGERS_FRACTION = 0.25  # maximum length of a hand without separate fingers beyond the wrist
@@ -90,7 +90,7 @@ def _in_the_middle(tree: JointTree, forks: list[tuple[int, Legs]]) -> list[tuple
     gaps = ends[:, 0] - ends[:, 1]
     widest = int(np.linalg.norm(gaps, axis=1).argmax())
     middles = ends.mean(axis=1) @ gaps[widest] / np.linalg.norm(gaps[widest])
-    near = np.abs(middles - middles[widest]) < TOLERANCE * tree.size
+    near = np.abs(middles - middles[widest]) < SIDE_TOLERANCE * tree.size
     return [forks[k] for k in np.flatnonzero(near)]
 
 
@@ -127,7 +127,7 @@ def _loose_foot(tree: JointTree, top: int, tip: int, limit: float) -> int:
 
 def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> Legs | None:
     """Return the two most similar legs that stand side by side."""
-    best, least = None, TOLERANCE * tree.size
+    best, least = None, SIDE_TOLERANCE * tree.size
     for i, a in enumerate(legs):
         for b in legs[:i]:
             apart = (tree.positions[a.end] - tree.positions[b.end])[[0, 2]]

@@ -55,7 +55,7 @@ from runtime.skeleton import SPORT_SKELETON
 ELBOW, OUT, SWING = range(len(ARM))
 MEAN_HALF_LIFE_S, RANGE_HALF_LIFE_S = 0.4, 0.6  # of the measures
 ADDED_HALF_LIFE_S = 0.25  # of the added amounts
-MOST = tuple(row.most for row in targets_of("arm").values())  # degrees: limits for elbow and shoulder
+LIMITS_DEG = tuple(row.most for row in targets_of("arm").values())  # limits for elbow and shoulder
 # times the arm's own swing: limit of the added swing; the rest follows the opposite leg
 MAX_SWING_GAIN = 2.5
 MIN_SWING_M = 0.06  # an arm that swings less has no rhythm of its own
@@ -65,10 +65,10 @@ RAISED_HAND_M, LOWERED_HAND_M = 0.05, 0.1
 MAX_SWING_SINE = 0.95  # of the angle to straight down, forward and back
 # weights of the elbow's own axis and of the place's, for a straight arm
 OWN_HINGE_WEIGHT, POLE_WEIGHT = 0.2, 0.02
-DEEPEST_BEND = radians(150.0)
+MAX_BEND_RAD = radians(150.0)
 FAR_HAND_M = 0.15  # a hand from farther away gets the elbow direction of its place
 # an elbow off its direction by more than the first is turned there, eased over the second
-TURNED, TURNS = radians(30.0), radians(40.0)
+ELBOW_TOLERANCE_RAD, ELBOW_EASE_RAD = radians(30.0), radians(40.0)
 WRIST_STRAIGHTENING_FRACTION = 0.7  # of the wrist's straightening at a place
 # metres from the trunk's axis to its surface, for a wrist
 TRUNK_HALF_WIDTH_M, TRUNK_HALF_DEPTH_M = 0.165, 0.13
@@ -78,11 +78,11 @@ TRUNK_EASE_M = 0.06  # over which it fades in at these heights
 MIN_TRUNK_RADIUS = 1e-3  # of its radii: a wrist nearer to the axis leaves to its own side
 # outward against forward: behind, a palm does not lie on the trunk
 MAX_BEHIND_COSINE, BEHIND_EASE_RATIO = 0.9, 0.3
-TOUCHING = 1.4, 1.8  # radii of the trunk within which a palm lies on it fully, and beyond which it does not
+TOUCH_RADII = 1.4, 1.8  # of the trunk, within which a palm lies on it fully, and beyond which not at all
 HEAD_MIDDLE: Vector = (0.0, 0.09, 0.02)  # from the joint of the head
 # metres from there within which a palm lies on it fully, and beyond which it does not
 HEAD_RADIUS = 0.17, 0.22
-MOST_TWIST, MOST_FLEXION = radians(80.0), radians(60.0)  # limits of forearm twist and wrist flexion
+MAX_TWIST_RAD, MAX_FLEXION_RAD = radians(80.0), radians(60.0)  # limits of forearm twist and wrist flexion
 _LENGTHS = tuple(
     abs(float(SPORT_SKELETON.offsets[SPORT_SKELETON.index(n)][0])) for n in ("LeftForeArm", "LeftHand")
 )
@@ -171,9 +171,9 @@ class ArmEdit:
         """Move the added amounts towards what is missing."""
         known = self.bend.known
         bend = _lacking(targets[ELBOW], self.bend.middle)
-        self.more_bend = followed(self.more_bend, known * limited(bend, MOST[ELBOW]), ADDED_HALF_LIFE_S)
+        self.more_bend = followed(self.more_bend, known * limited(bend, LIMITS_DEG[ELBOW]), ADDED_HALF_LIFE_S)
         angle = _lacking(targets[OUT], self.out.middle, _raised)
-        self.more_out = followed(self.more_out, known * limited(angle, MOST[OUT]), ADDED_HALF_LIFE_S)
+        self.more_out = followed(self.more_out, known * limited(angle, LIMITS_DEG[OUT]), ADDED_HALF_LIFE_S)
         gain, swing = self.swing.gain(targets[SWING], MIN_SWING_M, MAX_SWING_GAIN), targets[SWING]
         rest = swing[0] * known * max(range_of(swing)[0] - self.swing.range * (1.0 + gain), 0.0)
         self.more_swing = followed(self.more_swing, gain, ADDED_HALF_LIFE_S)
@@ -267,7 +267,7 @@ def _hinge(arm: ArmPose) -> Vector:
 def _bent(arm: ArmPose, more: float) -> ArmPose:
     """Return the arm with its elbow bent by `more` radians."""
     now = _flexion(arm)
-    turn = from_vector(scale(_hinge(arm), min(max(now + more, 0.0), max(DEEPEST_BEND, now)) - now))
+    turn = from_vector(scale(_hinge(arm), min(max(now + more, 0.0), max(MAX_BEND_RAD, now)) - now))
     wrist = add(arm.elbow, rotate(turn, subtract(arm.wrist, arm.elbow)))
     return arm._replace(lower=multiply(turn, arm.lower), wrist=wrist)
 
@@ -283,7 +283,7 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
     wanted = unit(perpendicular(pole, axis))
     own = unit(add_scaled(own, wanted, POLE_WEIGHT))  # a straight arm bends in the direction of the place
     angle = atan2(dot(cross(own, wanted), axis), dot(own, wanted))
-    turns = placed * max(far, smoothstep((abs(angle) - TURNED) / TURNS))
+    turns = placed * max(far, smoothstep((abs(angle) - ELBOW_TOLERANCE_RAD) / ELBOW_EASE_RAD))
     bend = rotate(from_vector(scale(axis, turns * angle)), own)
     c = limited((a * a + reach * reach - b * b) / (2.0 * a * reach), 1.0)
     elbow = add(arm.shoulder, add_scaled(scale(axis, a * c), bend, a * sqrt(1.0 - c * c)))
@@ -358,7 +358,7 @@ def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
     level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / TRUNK_EASE_M) * smoothstep(
         (SHOULDER_HEIGHT_M - trunk.high) / TRUNK_EASE_M
     )
-    near = smoothstep((TOUCHING[1] - trunk.radii) / (TOUCHING[1] - TOUCHING[0]))
+    near = smoothstep((TOUCH_RADII[1] - trunk.radii) / (TOUCH_RADII[1] - TOUCH_RADII[0]))
     out = unit(
         add_scaled(
             scale(trunk.side, trunk.x / TRUNK_HALF_WIDTH_M**2), trunk.ahead, trunk.z / TRUNK_HALF_DEPTH_M**2
@@ -383,9 +383,9 @@ def _laid(arm: ArmPose, body: Body, placed: float) -> ArmPose:
     w, x, y, z = relative(arm.lower, multiply(from_vector(scale(fingers, angle)), goal))
     twist = 2.0 * atan2(x, w)
     twist -= 2.0 * pi * round(twist / (2.0 * pi))
-    turned = _about_bone(limited(twist, MOST_TWIST))
-    flexed = _shortened(multiply((w, x, y, z), _about_bone(-twist)), MOST_FLEXION)
-    forearm = _about_bone(weight * 0.5 * limited(twist, MOST_TWIST))
+    turned = _about_bone(limited(twist, MAX_TWIST_RAD))
+    flexed = _shortened(multiply((w, x, y, z), _about_bone(-twist)), MAX_FLEXION_RAD)
+    forearm = _about_bone(weight * 0.5 * limited(twist, MAX_TWIST_RAD))
     hand = _towards(arm.hand, multiply(flexed, turned), weight)
     return arm._replace(lower=multiply(arm.lower, forearm), hand=multiply(inverse(forearm), hand))
 

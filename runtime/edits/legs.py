@@ -13,9 +13,9 @@ from math import acos, asin, atan2, cos, degrees, dist, hypot, pi, radians, sin,
 from runtime.edits.line import FootLine
 from runtime.edits.request import (
     LEG,
+    MAX_ADDED_OF_LEG,
     MIN_SEEN,
     MIN_WEIGHT,
-    MOST_OF_LEG,
     EditRequest,
     Target,
     Targets,
@@ -196,13 +196,13 @@ class LegEdit:
         shown = (beside, self.lowered, self.pitch[leg], self.yaw[leg], 0.0, 0.0)
         wanted = [
             limited(lacking(target, has), most)
-            for target, has, most in zip(targets, shown, MOST_OF_LEG, strict=False)
+            for target, has, most in zip(targets, shown, MAX_ADDED_OF_LEG, strict=False)
         ]
         wanted[OUTWARD] *= self.known
         wanted[LOWER] = max(wanted[LOWER], 0.0)
         most, bend = range_of(targets[KNEE])[1], self.bend[leg]
         stiffens = limited(max(bend - most, 0.0) / STIFFENING_DEGREES, 1.0)
-        wanted[KNEE] = targets[KNEE][0] * limited(most, MOST_OF_LEG[KNEE]) * stiffens
+        wanted[KNEE] = targets[KNEE][0] * limited(most, MAX_ADDED_OF_LEG[KNEE]) * stiffens
         lift, has = range_of(targets[LIFT])[1], self.lift[leg]
         wanted[LIFT] = targets[LIFT][0] * max(1.0 - lift / max(has, MIN_SEEN), 0.0)
         return wanted
@@ -277,10 +277,7 @@ def _about_toe(leg: LegPose, up: float) -> LegPose:
 
 
 def _straight(leg: LegPose, added: float, asked: Target) -> tuple[float, float]:
-    """Minimum hip-ankle distance (metres), standing and swinging, of a leg whose knee flexion is limited to `asked`.
-
-    `added` is the current edit, in degrees.
-    """
+    """Minimum hip-ankle distance (m), standing and swinging, with flexion limited to `asked`; `added` degrees are in force."""
     if added <= 0.0:
         return 0.0, 0.0
     most = radians(min(range_of(asked)[1], MAX_KNEE_DEGREES))

@@ -14,13 +14,13 @@ from runtime.edits.request import OUTWARD, EditRequest, limited, narrow, range_o
 from runtime.pose import FPS
 from runtime.scalar_math import Vector, add, decay, dot, scale, subtract
 
-STEP_HALF_LIFE = 0.04  # of a swinging foot's approach to the line
+STEP_HALF_LIFE_S = 0.04  # of a swinging foot's approach to the line
 FOLLOWED_FRACTION = 0.55  # of the correction that is applied: with the rest the network keeps its balance
 MAX_STEP_CHANGE_M = 0.15  # limit of the shift of a step
 CLEAR_M, PASSING_M = 0.1, 0.27  # lateral distance at which feet pass, while this near along the path
 MIN_WALKING_SPEED_M_PER_S = 0.3  # above which it is active
-DRIFT_HALF_LIFE, MAX_DRIFT_M_PER_S = 1.0, 0.3  # of the measured sideways drift; its limit
-OFF_HALF_LIFE = 0.5  # of the measured offset of the line from the hips
+DRIFT_HALF_LIFE_S, MAX_DRIFT_M_PER_S = 1.0, 0.3  # of the measured sideways drift; its limit
+OFFSET_HALF_LIFE_S = 0.5  # of the measured offset of the line from the hips
 CENTRING_FRACTION, MAX_CENTRING_M = 0.5, 0.05  # of that offset a step takes back; limit
 
 
@@ -50,7 +50,7 @@ class FootLine:
         side = self._across(hips, request)
         stand = request.feet or (ankles[0], ankles[1])
         off = dot(subtract(scale(add(*stand), 0.5), hips), side)
-        self.off += (1.0 - decay(OFF_HALF_LIFE)) * (off - self.off)
+        self.off += (1.0 - decay(OFFSET_HALF_LIFE_S)) * (off - self.off)
         centring = limited(CENTRING_FRACTION * self.off, MAX_CENTRING_M)
         wanted = sum(range_of(leg[OUTWARD])[1] for leg in request.targets[:2])
         steps, moved = [self.left, self.right], []
@@ -58,7 +58,7 @@ class FootLine:
             apart, free = subtract(ankle, other), max(1.0 - bears[k], 0.0)
             gap = sign * dot(apart, side)
             goal = FOLLOWED_FRACTION * by * limited(sign * (wanted - gap) - centring, MAX_STEP_CHANGE_M)
-            steps[k] += (1.0 - decay(STEP_HALF_LIFE)) * free * (goal - steps[k])
+            steps[k] += (1.0 - decay(STEP_HALF_LIFE_S)) * free * (goal - steps[k])
             ahead = apart[2] * side[0] - apart[0] * side[2]
             near = max(1.0 - (ahead / PASSING_M) ** 2, 0.0)
             push = by * near * free * max(CLEAR_M - gap - sign * steps[k], 0.0)
@@ -75,7 +75,7 @@ class FootLine:
         else:
             if self.known:
                 drift = (z * (hips[0] - self.x) - x * (hips[2] - self.z)) / speed * FPS
-                self.drift += (1.0 - decay(DRIFT_HALF_LIFE)) * (
+                self.drift += (1.0 - decay(DRIFT_HALF_LIFE_S)) * (
                     limited(drift, MAX_DRIFT_M_PER_S) - self.drift
                 )
             turn = self.drift / speed

@@ -34,7 +34,7 @@ OUTWARD = LEG.index("outward")
 PACED = len(LEG)  # column of a leg's pace
 # metres of a foot from the centre line while both stand, in usual and in narrow walking
 USUAL_OUTWARD_M, NARROW_OUTWARD_M = 0.05, 0.02
-MOST_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # limits of the added amounts
+MAX_ADDED_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # limits of the added amounts
 MAX_TARGET = 200.0  # degrees or metres, of any target; value of an open end
 MIN_WEIGHT = 1e-6  # of a target: less requests nothing
 MIN_ADDED = 1e-4  # degrees or metres: a fading edit ends here

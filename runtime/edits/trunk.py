@@ -48,7 +48,7 @@ from runtime.scalar_math import (
 from runtime.skeleton import SPORT_SKELETON
 
 LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD, SHRUG = range(len(TRUNK))
-MOST = tuple(row.most for row in targets_of("torso").values())  # degrees: limits of the added rotation
+LIMITS_DEG = tuple(row.most for row in targets_of("torso").values())  # limits of the added rotation
 # limits of sway and rock: times the network's; metres, degrees
 MAX_SWING_GAIN, MAX_SHIFT_M, MAX_ROCK_DEGREES = 2.5, 0.07, 12.0
 HIPS_TO_NECK_M = 0.5
@@ -194,9 +194,9 @@ class TrunkEdit:
         for k, (name, measure) in enumerate(
             (("lean", self.lean), ("aside", self.aside), ("twist", self.twist))
         ):
-            goal = measure.known * limited(lacking(targets[k], measure.middle), MOST[k])
+            goal = measure.known * limited(lacking(targets[k], measure.middle), LIMITS_DEG[k])
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, ADDED_HALF_LIFE_S))
-        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], MOST[SHRUG]), ADDED_HALF_LIFE_S)
+        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], LIMITS_DEG[SHRUG]), ADDED_HALF_LIFE_S)
         for k, name, measure, least in (
             (SWAY, "sway", self.sway, MIN_SWAY_M),
             (ROCK, "rock", self.aside, MIN_ROCK_DEGREES),

@@ -174,11 +174,11 @@ def _bend(axis: Vector, knee: Vector, pole: Vector) -> Vector:
 
 
 # rad/s2, of the flexion; 6 degrees per frame squared is visible as a snap, captures stay below
-FASTEST_BEND = radians(4.5) * 3600
-STRAIGHT = radians(2.3)  # flexion of a straight knee, the smallest allowed
-BRAKING = radians(2.5) * 3600  # rad/s2, deceleration towards the requested flexion
+MAX_FLEXION_RAD_PER_S = radians(4.5) * 3600
+MIN_FLEXION_RAD = radians(2.3)  # flexion of a straight knee, the smallest allowed
+BRAKE_RAD_PER_S2 = radians(2.5) * 3600  # rad/s2, deceleration towards the requested flexion
 STRAIGHTEST_HALF_LIFE_S = 2.0  # half-life of the flexion of the straightest recent stride
-MAX_STRAIGHTEST = radians(25.0)
+MAX_STRAIGHTEST_RAD = radians(25.0)
 
 
 @dataclass
@@ -213,12 +213,14 @@ class Knee:
             return far
         forgotten = self.straightest + (1.0 - decay(STRAIGHTEST_HALF_LIFE_S)) * (incoming - self.straightest)
         self.straightest = min(incoming, forgotten)
-        wanted = max(wanted, least, min(self.straightest, MAX_STRAIGHTEST) if free else 0.0)
+        wanted = max(wanted, least, min(self.straightest, MAX_STRAIGHTEST_RAD) if free else 0.0)
         natural = (incoming - self.incoming) / dt
         missing = wanted - (self.flexion + natural * dt)
-        speed = natural + copysign(min(abs(missing) / dt, sqrt(2.0 * BRAKING * abs(missing))), missing)
-        speed = max(speed, -sqrt(2.0 * BRAKING * max(self.flexion - STRAIGHT, 0.0)))
-        change = min(max(speed - self.speed, -FASTEST_BEND * dt), FASTEST_BEND * dt)
+        speed = natural + copysign(
+            min(abs(missing) / dt, sqrt(2.0 * BRAKE_RAD_PER_S2 * abs(missing))), missing
+        )
+        speed = max(speed, -sqrt(2.0 * BRAKE_RAD_PER_S2 * max(self.flexion - MIN_FLEXION_RAD, 0.0)))
+        change = min(max(speed - self.speed, -MAX_FLEXION_RAD_PER_S * dt), MAX_FLEXION_RAD_PER_S * dt)
         self.incoming, self.speed = incoming, self.speed + change
         self.flexion = max(self.flexion + self.speed * dt, 0.0)
         return sqrt(max(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(self.flexion), MIN_DIVISOR))
@@ -238,8 +240,8 @@ def _flexion(reach: float, thigh: float, shin: float) -> float:
     return acos(min(max(cosine, -1.0), 1.0))
 
 
-TOE_LENGTH = 0.06  # m, from the toe joint to the tip
-HIGHEST_TIP_M = 0.055  # how far the tip may be above the joint: about 65 degrees
+TOE_LENGTH_M = 0.06  # m, from the toe joint to the tip
+MAX_TIP_RISE_M = 0.055  # how far the tip may be above the joint: about 65 degrees
 
 
 def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights, sink: float) -> Quaternion:
@@ -250,8 +252,8 @@ def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights,
     """
     world = multiply(foot, toe)
     ahead = rotate(world, (0.0, 0.0, 1.0))
-    tip = add_scaled(joint, ahead, TOE_LENGTH)
-    rise = min(ground.height(tip[0], tip[2]) + TOE_HEIGHT - sink - joint[1], HIGHEST_TIP_M) / TOE_LENGTH
+    tip = add_scaled(joint, ahead, TOE_LENGTH_M)
+    rise = min(ground.height(tip[0], tip[2]) + TOE_HEIGHT - sink - joint[1], MAX_TIP_RISE_M) / TOE_LENGTH_M
     if ahead[1] >= rise:
         return toe
     # bent by b, the tip is raised by ahead_y cos b + up_y sin b

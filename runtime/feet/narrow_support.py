@@ -18,13 +18,13 @@ DROP_M = 0.12  # the ground on both sides is lower than a beam by this; less is 
 LEVEL_M = 0.06  # allowed height difference across a beam
 BESIDE_M = 0.35  # the ground is low this far to both sides of the hips,
 ALONG_M = 0.2  # and high this far before and behind them, unlike at a hurdle, step or wall
-FARTHEST_M = 0.3  # sideways displacement of a foot
+MAX_LEAD_M = 0.3  # sideways displacement of a foot
 SCAN_M = 0.45  # search range to both sides
 SPACING_M = 0.025
-INLINE_M = 0.02  # distance from the middle, on its own side, at which a foot is put down
-AROUND_M = 0.08  # extra distance while it passes the other foot,
-PASSES_M = 0.25  # within this distance along the path
-LIFTED_M = 0.06  # and at this height
+LANDING_OFFSET_M = 0.02  # distance from the middle, on its own side, at which a foot is put down
+PASSING_OFFSET_M = 0.08  # extra distance while it passes the other foot,
+PASSING_RANGE_M = 0.25  # within this distance along the path
+PASSING_HEIGHT_M = 0.06  # and at this height
 HALF_LIFE_S = 0.06
 PULL_PER_S, MAX_PULL_M_PER_S = 1.5, 0.3  # velocity per metre from the middle; its limit
 MIN_HIPS_WIDTH_M = 1e-3  # seen from above; narrower hips have no left and right
@@ -33,9 +33,9 @@ NOTHING: Vector = (0.0, 0.0, 0.0)
 
 ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
 ARMS_OUT_RAD = 0.5  # upper arms turned outwards
-OUT_HALF_LIFE_S = 0.25  # to both directions
+ARMS_HALF_LIFE_S = 0.25  # to both directions
 LN_2_FACTOR = 0.693  # of an exponent, for a half-life
-MIN_OUT_FRACTION = 1e-3  # of `ARMS_OUT_RAD`; less is invisible
+MIN_ARMS_OUT_FRACTION = 1e-3  # of `ARMS_OUT_RAD`; less is invisible
 
 
 def may_be_narrow(ground: PointHeights) -> bool:
@@ -75,7 +75,7 @@ def to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | None
     if max(heights[0], heights[-1]) > top - DROP_M:
         return None
     way = 0.5 * (high[0] + high[-1])
-    return way if abs(way) <= FARTHEST_M else None
+    return way if abs(way) <= MAX_LEAD_M else None
 
 
 def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> tuple[float, float]:
@@ -119,10 +119,10 @@ class SidewaysLead:
         if way is None:
             return NOTHING
         forward = (-side[2], 0.0, side[0])
-        near = 1.0 - (dot(forward, subtract(leg.ankle, other.ankle)) / PASSES_M) ** 2
-        lifted = (leg.ankle[1] - other.ankle[1]) / LIFTED_M
-        around = AROUND_M * max(near, 0.0) * min(max(lifted, 0.0), 1.0)
-        return scale(side, way + self.sign * (INLINE_M + around))
+        near = 1.0 - (dot(forward, subtract(leg.ankle, other.ankle)) / PASSING_RANGE_M) ** 2
+        lifted = (leg.ankle[1] - other.ankle[1]) / PASSING_HEIGHT_M
+        around = PASSING_OFFSET_M * max(near, 0.0) * min(max(lifted, 0.0), 1.0)
+        return scale(side, way + self.sign * (LANDING_OFFSET_M + around))
 
 
 @dataclass
@@ -133,8 +133,8 @@ class Balance:
 
     def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
         """Return local rotations `(31, 4)` with the upper arms turned out, easing in on a beam and out elsewhere."""
-        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-LN_2_FACTOR * dt / OUT_HALF_LIFE_S))
-        if self.fraction < MIN_OUT_FRACTION:
+        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-LN_2_FACTOR * dt / ARMS_HALF_LIFE_S))
+        if self.fraction < MIN_ARMS_OUT_FRACTION:
             self.fraction = 0.0
             return local
         result = np.array(local, np.float64)

@@ -17,29 +17,29 @@ from runtime.terrain.height_map import PointHeights
 RISE_M, RUN_M = 0.08, 0.1  # ground that rises by this much within this distance has edges
 HIP_VELOCITY_FRACTION = 0.08  # weight of one frame in the mean velocity of the hip
 MIN_HIP_SPEED_M_PER_S = 0.25  # slower hips predict no step
-SHORTEST_S, LONGEST_S, SOONEST_S = 0.2, 1.5, 0.04  # time between two landings; until the next one
-STEP_M = 0.1, 2.5  # range of step length
-FASTER = 0.6, 1.6  # range of the change in step length with speed
-NEARLY_S, SOON_S = 0.18, 0.42  # before an edge a foot has reached its height, and begins to rise
+MIN_STEP_S, MAX_STEP_S, MIN_LANDING_S = 0.2, 1.5, 0.04  # time between two landings; until the next one
+STEP_RANGE_M = 0.1, 2.5  # range of step length
+STEP_RATIO_RANGE = 0.6, 1.6  # range of the change in step length with speed
+RAISED_BEFORE_S, RISING_BEFORE_S = 0.18, 0.42  # time before an edge when a foot is raised, and begins to rise
 SPACING_M = 0.04
 CLEARANCE_M, EDGE_M = 0.05, 0.08  # between sole and edge, over it and before and behind it
 MIN_EDGE_M, MIN_EDGE_SLOPE = 0.03, 0.7  # minimum height over a standing foot, and rise over run, of an edge
 # ankle to the near edge of a bar or gap, and to its far edge, for a foot that stands clear of both
 TOE_M, HEEL_M = 0.19, 0.1
-FARTHEST_M = 0.4  # shift of a foot along its path
-SAME_M = 0.1  # hysteresis: with a larger difference the shift keeps its direction
+MAX_LEAD_M = 0.4  # shift of a foot along its path
+LEAD_HYSTERESIS_M = 0.1  # hysteresis: with a larger difference the shift keeps its direction
 LED_HALF_LIFE_S = 0.06
 MIN_LED_M, MIN_OUT_RAD = 1e-4, 1e-3  # smallest shift of a foot and rotation of a knee that are applied
-MIN_GAIN_M = 1e-3  # smallest improvement in depth for which a knee turns farther out
-NOWHERE_M = 1e9  # deeper than any ground
-LOW_BAR_M, MOST_RISE_M = 0.33, 0.27  # over a higher bar the hips rise in flight, by at most this
+MIN_IMPROVEMENT_M = 1e-3  # smallest improvement in depth for which a knee turns farther out
+UNREACHED_DEPTH_M = 1e9  # deeper than any ground
+LOW_BAR_M, MAX_HIPS_RISE_M = 0.33, 0.27  # over a higher bar the hips rise in flight, by at most this
 RISE_WIDTH_M = 0.8  # before and behind the bar
-CAUGHT_M = 0.01  # a held leg closer to a bar than this releases its foot
-UNDER_M = 0.1  # before and behind the bar, where the root counts as over it
-OUT = (0.0, 0.3, 0.6, 0.9, 1.2)  # outward rotations of a knee that are tried, radians
+TOUCH_M = 0.01  # a held leg closer to a bar than this releases its foot
+OVER_MARGIN_M = 0.1  # before and behind the bar, where the root counts as over it
+KNEE_OUT_RAD = (0.0, 0.3, 0.6, 0.9, 1.2)  # outward rotations of a knee that are tried, radians
 OUT_HALF_LIFE_S = 0.05
 LIMB_M = 0.07  # half thickness of thigh and shin
-SHIN_S = (0.0, 0.08, 0.16, 0.24, 0.32)  # times ahead at which a shin is checked against a bar
+SHIN_TIMES_S = (0.0, 0.08, 0.16, 0.24, 0.32)  # times ahead at which a shin is checked against a bar
 THIGH_FRACTIONS, SHIN_FRACTIONS = (0.6, 0.8), (0.25, 0.5, 0.75)  # points along the bones that are checked
 AHEAD_M = (0.0, 0.07, 0.14, 0.21)  # distances ahead at which a knee is checked
 
@@ -68,11 +68,11 @@ class SteppedOver:
 
     def is_under(self, x: float, z: float) -> bool:
         """Return whether a root at this position is over the bar or gap, where its far side would look like a step."""
-        return self.length >= 0.0 and -UNDER_M < self.along(x, z) < self.length + UNDER_M
+        return self.length >= 0.0 and -OVER_MARGIN_M < self.along(x, z) < self.length + OVER_MARGIN_M
 
     def hips_rise(self, hips: Vector) -> float:
         """Return how far (metres) the hips rise at this position to step over a high bar."""
-        high = min(self.top - LOW_BAR_M, MOST_RISE_M)
+        high = min(self.top - LOW_BAR_M, MAX_HIPS_RISE_M)
         if self.length < 0.0 or high <= 0.0:
             return 0.0
         away = abs(self.along(hips[0], hips[2]) - 0.5 * self.length) / RISE_WIDTH_M
@@ -120,15 +120,15 @@ class NextStep:
         self._follow_hip(leg.hip, dt)
         ankle_x, _, ankle_z = leg.ankle
         stands = held or down
-        came = stands and not self.stood and self.since > SHORTEST_S
+        came = stands and not self.stood and self.since > MIN_STEP_S
         self.held, self.stood, self.metres, self.seconds = held, stands, 0.0, 0.0
         self.since += dt
         speed = self.speed
         way = self.way_x / max(speed, MIN_SIZE), self.way_z / max(speed, MIN_SIZE)
-        steps = speed > MIN_HIP_SPEED_M_PER_S and other.since < LONGEST_S
+        steps = speed > MIN_HIP_SPEED_M_PER_S and other.since < MAX_STEP_S
         step = (ankle_x - other.landed_x) * way[0] + (ankle_z - other.landed_z) * way[1]
         if came:
-            if steps and STEP_M[0] < step < STEP_M[1]:
+            if steps and STEP_RANGE_M[0] < step < STEP_RANGE_M[1]:
                 self.step, self.step_seconds, self.step_speed = step, other.since, speed
             self.landed_x, self.landed_z, self.since = ankle_x, ankle_z, 0.0
         elif steps and not held:
@@ -150,13 +150,13 @@ class NextStep:
         The landing is `step` metres past the other foot's last one, `mine` past its own, at `pace` (m/s).
         """
         self.second = self.since < other.since
-        faster = min(max(self.speed / self.step_speed, FASTER[0]), FASTER[1])
+        faster = min(max(self.speed / self.step_speed, STEP_RATIO_RANGE[0]), STEP_RATIO_RANGE[1])
         if self.second:
             metres = (self.step + other.step) * faster - mine
             seconds = self.step_seconds + other.step_seconds - self.since
         else:
             metres, seconds = self.step * faster - step, self.step_seconds - other.since
-        self.seconds = max(seconds, SOONEST_S)
+        self.seconds = max(seconds, MIN_LANDING_S)
         if self.seconds < 0.5 * self.step_seconds:  # a foot that slows down before landing comes no farther
             metres = min(metres, max(pace, 0.0) * self.seconds)
         return metres
@@ -185,11 +185,11 @@ class NextStep:
         back = min(-TOE_M - here - self.metres, 0.0)
         onwards = max(over.length + HEEL_M - here - self.metres, 0.0)
         if over.crossing or here + self.led > -0.5 * TOE_M:
-            return min(onwards, FARTHEST_M)
+            return min(onwards, MAX_LEAD_M)
         if self.second:  # the other foot may still land before the obstacle
             return 0.0
-        nearer = onwards < -back + (SAME_M if self.goal > 0.0 else -SAME_M)
-        return min(onwards, FARTHEST_M) if nearer else max(back, -FARTHEST_M)
+        nearer = onwards < -back + (LEAD_HYSTERESIS_M if self.goal > 0.0 else -LEAD_HYSTERESIS_M)
+        return min(onwards, MAX_LEAD_M) if nearer else max(back, -MAX_LEAD_M)
 
     def lift(self, points: tuple[tuple[Vector, float], ...], ground: PointHeights) -> float:
         """Return how far (metres) the foot must rise above its incoming height to clear edges on its path; 0 without edges.
@@ -203,32 +203,32 @@ class NextStep:
                     lift = max(lift, over.ground + over.top + CLEARANCE_M - low)
             ankle, low = points[1]
             if over.along(ankle[0], ankle[2]) + self.metres + self.goal - self.led > 0.0:
-                pace = self.metres / max(self.seconds, SOONEST_S)
+                pace = self.metres / max(self.seconds, MIN_LANDING_S)
                 lift = max(lift, self._shin_over(ankle, pace) - ANKLE_HEIGHT - low)
         if self.metres <= 0.0:
             return lift
         speed = self.speed
         x, z, pace = self.way_x / speed, self.way_z / speed, self.metres / self.seconds
-        farthest = min(self.metres + self.goal - self.led, pace * SOON_S)
+        farthest = min(self.metres + self.goal - self.led, pace * RISING_BEFORE_S)
         for point, low in points:
             below, metre = ground.height(point[0], point[2]), SPACING_M
             while metre <= farthest:
                 ahead = ground.height(point[0] + metre * x, point[2] + metre * z)
                 if ahead - below > MIN_EDGE_M + MIN_EDGE_SLOPE * metre and ahead + CLEARANCE_M - low > lift:
-                    soon = smoothstep((SOON_S - metre / pace) / (SOON_S - NEARLY_S))
+                    soon = smoothstep((RISING_BEFORE_S - metre / pace) / (RISING_BEFORE_S - RAISED_BEFORE_S))
                     lift = max(lift, soon * (ahead + CLEARANCE_M - low))
                 metre += SPACING_M
         return lift
 
-    def _shin_over(self, ankle: Vector, pace: float, soon_s: tuple[float, ...] = SHIN_S) -> float:
+    def _shin_over(self, ankle: Vector, pace: float, soon_s: tuple[float, ...] = SHIN_TIMES_S) -> float:
         """Height of an ankle moving at `pace` (m/s) at which its shin clears the bar at the times `soon_s`."""
-        over, need = self.over, -NOWHERE_M
+        over, need = self.over, -UNREACHED_DEPTH_M
         top = over.ground + over.top + LIMB_M
         knee, here = over.along(self.knee[0], self.knee[2]), over.along(ankle[0], ankle[2])
         for seconds in soon_s:
             behind = here + pace * seconds
             ahead = knee + 0.5 * (self.speed + pace) * seconds  # the knee moves at the mean of hip and foot
-            soon = smoothstep((SOON_S - seconds) / (SOON_S - NEARLY_S))
+            soon = smoothstep((RISING_BEFORE_S - seconds) / (RISING_BEFORE_S - RAISED_BEFORE_S))
             for edge in (0.0, over.length):
                 if behind < edge < ahead:
                     slope = (self.knee[1] - top) / (ahead - edge)
@@ -238,18 +238,18 @@ class NextStep:
 
     def knee_out(self, leg: LegPose, side: int, ground: PointHeights, dt: float) -> float:
         """Return how far (radians) the knee of a solved leg turns outwards so that thigh and shin clear the ground."""
-        goal, least = 0.0, NOWHERE_M
-        for radians_out in OUT:
+        goal, least = 0.0, UNREACHED_DEPTH_M
+        for radians_out in KNEE_OUT_RAD:
             depth = self._knee_depth(leg, turned_out(leg, side, radians_out).knee, ground)
-            if depth < least - MIN_GAIN_M:
+            if depth < least - MIN_IMPROVEMENT_M:
                 goal, least = radians_out, depth
             if depth <= 0.0:
                 break
-        self.caught = least > CAUGHT_M
+        self.caught = least > TOUCH_M
         if self.over.top > 0.0:
             self.knee = leg.knee
             self.caught = self.caught or (
-                self.held and self._shin_over(leg.ankle, 0.0, SHIN_S[:2]) > leg.ankle[1] + CAUGHT_M
+                self.held and self._shin_over(leg.ankle, 0.0, SHIN_TIMES_S[:2]) > leg.ankle[1] + TOUCH_M
             )
         self.out, self.out_velocity = damp(self.out, self.out_velocity, goal, OUT_HALF_LIFE_S, dt)
         if goal == 0.0 and abs(self.out) < MIN_OUT_RAD:

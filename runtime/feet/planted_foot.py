@@ -35,7 +35,7 @@ from runtime.terrain.height_map import PointHeights
 ANCHORS = ("", "heel", "toe")
 NOWHERE: Vector = (0.0, 0.0, 0.0)
 LEGS = (leg_bones(0), leg_bones(1))
-HIGH_M = 0.1  # foot height over the ground from which a foot near a bar is still landing
+LANDING_HEIGHT_M = 0.1  # foot height over the ground from which a foot near a bar is still landing
 MAX_STRAIN_BESIDE_STEP = 1.5  # limit of the strain while the other foot makes a small step
 MIN_LEVEL_FOOT_M = 0.04  # ankle to toe seen from above: a shorter distance has no heading
 SOLE_REACH_M = 0.07  # from the middle of the sole to the points where the ground's slope is read
@@ -176,7 +176,7 @@ class PlantedFoot:
             0.0 if over.top > 0.0 else over.length
         )  # no foot stands on a bar, nor half over the far edge of a gap
         hangs = ankle < over.length + 0.5 * HEEL_M and toe > edge
-        high = self.toe[1] - ground.height(self.toe[0], self.toe[2]) > TOE_HEIGHT + HIGH_M
+        high = self.toe[1] - ground.height(self.toe[0], self.toe[2]) > TOE_HEIGHT + LANDING_HEIGHT_M
         return hangs or high
 
     def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:

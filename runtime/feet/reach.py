@@ -28,7 +28,7 @@ from runtime.scalar_math import (
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 
-MOST_ROLL_RAD = 0.6  # limit of the foot roll when the knee cannot follow
+MAX_ROLL_RAD = 0.6  # limit of the foot roll when the knee cannot follow
 SOLE_FIRST_FRACTION = 0.3  # of the sole's direction, blended into the ankle's
 REACH_TRIALS = 4  # iterations of raising a foot out of reach; usually one suffices
 
@@ -85,7 +85,7 @@ def spanned_foot(
 def _rolled_a_little(
     bones: LegBones, hip: Vector, toe: Vector, foot: tuple[Vector, Vector], reach: float
 ) -> tuple[Vector, Vector, Vector]:
-    """Return toe, ankle and the direction between them: rolled by at most `MOST_ROLL_RAD`, then slid.
+    """Return toe, ankle and the direction between them: rolled by at most `MAX_ROLL_RAD`, then slid.
 
     On a bar, a foot whose knee is at its speed limit would turn over its toe, and back in the next frame. `foot` is the
     vector from toe to ankle, and the direction of the sole: on tiptoe under the hip it rolls back onto its sole.
@@ -93,9 +93,9 @@ def _rolled_a_little(
     to_hip, (along, sole_down) = subtract(hip, toe), foot
     back = add_scaled(along, sole_down, SOLE_FIRST_FRACTION)
     turned = rolled(to_hip, back, roll_cosine(to_hip, bones.foot_length, reach))
-    if dot(along, turned) < cos(MOST_ROLL_RAD):
+    if dot(along, turned) < cos(MAX_ROLL_RAD):
         aside = unit(perpendicular(turned, along))
-        turned = add_scaled(scale(along, cos(MOST_ROLL_RAD)), aside, sin(MOST_ROLL_RAD))
+        turned = add_scaled(scale(along, cos(MAX_ROLL_RAD)), aside, sin(MAX_ROLL_RAD))
     from_hip = subtract(add_scaled(toe, turned, bones.foot_length), hip)
     ankle = add_scaled(hip, from_hip, reach / max(length(from_hip), 1e-6))
     return add_scaled(ankle, turned, -bones.foot_length), ankle, turned

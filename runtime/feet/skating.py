@@ -17,8 +17,8 @@ SOLE_POINTS = (4, 5, 9, 10)
 SOLE_HEIGHTS = ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT
 SKATING_HEIGHT_M = 0.025  # H
 # thresholds of a loaded sole: its speed, and its height over its lowest positions,
-STANDING_M_PER_S = 0.25
-STANDING_M = 0.04
+MAX_STANDING_SPEED_M_PER_S = 0.25
+MAX_STANDING_HEIGHT_M = 0.04
 RESTING_FRACTION = 0.05  # which it has in this fraction of the frames
 CM_PER_M = 100.0
 
@@ -37,8 +37,8 @@ def measured_contacts(positions: Array, fps: float, terrain: Terrain | None) -> 
     feet = positions[:, list(SOLE_POINTS)].astype(np.float64)
     step = np.gradient(feet, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     above = feet[..., 1] if terrain is None else joint_heights(positions, terrain, SOLE_POINTS)
-    low = above - np.quantile(above, RESTING_FRACTION, axis=0) < STANDING_M
-    return (low & (np.linalg.norm(step, axis=-1) * fps < STANDING_M_PER_S)).astype(np.float32)
+    low = above - np.quantile(above, RESTING_FRACTION, axis=0) < MAX_STANDING_HEIGHT_M
+    return (low & (np.linalg.norm(step, axis=-1) * fps < MAX_STANDING_SPEED_M_PER_S)).astype(np.float32)
 
 
 def skating(

@@ -20,7 +20,7 @@ from runtime.character.read import STRUCTURE_ERRORS, Entry, GltfFile
 from runtime.errors import FileError
 from runtime.formats.engines import engine_of
 from runtime.formats.fbx_mesh import Meshes, Skin
-from runtime.formats.fbx_nodes import TICKS, ZERO, Document, Node, leaves, matrix, prop, properties
+from runtime.formats.fbx_nodes import TICKS_PER_S, ZERO, Document, Node, leaves, matrix, prop, properties
 from runtime.formats.glb import further_takes, glb_document
 from runtime.formats.glb_skeleton import rotation_and_scale
 from runtime.formats.options import UNITS_PER_METRE, ExportOptions
@@ -29,7 +29,7 @@ from runtime.safe_read import reason
 from runtime.terrain.height_map import Terrain
 
 LEVEL_DEG = 1e-6  # a joint with a smaller rest rotation has no PreRotation
-LINEAR = 24836  # flags of linear keys
+LINEAR_KEY_FLAGS = 24836  # flags of linear keys
 KEY_VERSION = 4008
 
 
@@ -128,9 +128,9 @@ class _Scene:
     def _add_take(self, take: Entry, fps: float, check: Check) -> None:
         """Add an animation: a curve for each animated axis, with a key in every frame."""
         count = self.file.count(take.samplers[0].input)
-        times = np.round(np.arange(count) * (TICKS / fps)).astype(np.int64)
+        times = np.round(np.arange(count) * (TICKS_PER_S / fps)).astype(np.int64)
         layer = self.document.add_take(take.name, times[-1], _note(take))
-        alike = leaves(KeyVer=KEY_VERSION, KeyTime=times, KeyAttrFlags=np.array([LINEAR], np.int32),
+        alike = leaves(KeyVer=KEY_VERSION, KeyTime=times, KeyAttrFlags=np.array([LINEAR_KEY_FLAGS], np.int32),
                        KeyAttrDataFloat=np.zeros(4, np.float32), KeyAttrRefCount=np.array([count], np.int32))  # fmt: skip
         for channel in take.channels:
             check()

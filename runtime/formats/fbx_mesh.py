@@ -19,7 +19,7 @@ from runtime.formats.fbx_nodes import Document, Node, leaves, matrix, prop, prop
 MAX_COLORS = 16  # as many vertex colours become materials, since most programs do not show vertex colours
 SAME_COLOR_DISTANCE = 0.06  # in sRGB, within which colours are merged
 MAX_SHADES = 256
-CLAMP = 33071  # of a sampler: clamp to edge
+EDGE_CLAMP = 33071  # of a sampler: clamp to edge
 
 
 @dataclass(frozen=True)
@@ -297,7 +297,7 @@ class Materials:
             sampler = Entry() if texture.sampler is None else self.file.gltf.samplers[texture.sampler]
             facts = [prop("UVSet", "KString", f"UV{info.texCoord or 0}"), prop("UseMaterial", "bool", 1)]
             for ours, theirs in ("US", "VT"):
-                facts.append(prop(f"WrapMode{ours}", "enum", int(sampler.get(f"wrap{theirs}") == CLAMP)))
+                facts.append(prop(f"WrapMode{ours}", "enum", int(sampler.get(f"wrap{theirs}") == EDGE_CLAMP)))
             head = leaves(Type="TextureVideoClip", Version=202, TextureName=f"{name}\0\1Texture")
             files = leaves(Media=f"{name}\0\1Video", FileName=path, RelativeFilename=path)
             self._textures[info.index] = self.document.add(

@@ -16,7 +16,7 @@ import numpy as np
 from runtime.arrays import AnyArray
 
 VERSION = 7400
-TICKS = 46_186_158_000  # per second
+TICKS_PER_S = 46_186_158_000  # per second
 CREATOR = "SPORT viewer"
 Id = np.int64  # of an object
 ZERO = np.int64(0)  # id of the scene, and start time of takes

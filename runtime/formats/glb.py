@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pygltflib import GLTF2
 
 MANNEQUIN = "character/mannequin.glb"
-CHUNK = 1800  # frames processed at once, so that an hour does not fill the memory
+CHUNK_FRAMES = 1800  # frames processed at once, so that an hour does not fill the memory
 STILL_M = 1e-6  # a joint that moves less relative to its parent has no translation track
 
 
@@ -143,9 +143,9 @@ def _tracks(
 ) -> dict[int, tuple[Array, Array]]:
     """Return translations `(T, 3)` and quaternions `(T, 4)` of every animated node relative to its parent, float32."""
     parts: dict[int, list[tuple[Array, Array]]] = {node: [] for node in scales}
-    for start in range(0, len(take.clip), CHUNK):
+    for start in range(0, len(take.clip), CHUNK_FRAMES):
         check()
-        frames = slice(start, min(start + CHUNK, len(take.clip)))
+        frames = slice(start, min(start + CHUNK_FRAMES, len(take.clip)))
         worlds = joint_worlds(rig, take, frames)
         for node in scales:
             parent = rig.parents[node]

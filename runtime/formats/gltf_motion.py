@@ -33,9 +33,9 @@ USUAL_FPS = 30.0  # of an animation without a rate
 # in the order in which they are tried
 USUAL_RATES = (USUAL_FPS, 24.0, 25.0, 60.0, 48.0, 50.0, *VIDEO_RATES, 100.0, 240.0)
 # if keys lie on this fraction of a rate's frames, and on at least so many, every frame is a key
-DENSE_FRACTION, LEAST_STEPS = (0.9, 4)
+DENSE_FRACTION, MIN_DENSE_STEPS = (0.9, 4)
 # minimum rate of keys in every frame: slower ones are keyframes, and cubics between them bend
-LEAST_FPS, LEAST_CUBIC_FPS = (4.5, 15.0)
+MIN_FPS, MIN_CUBIC_FPS = (4.5, 15.0)
 ON_FRAME_TOLERANCE = 2e-4  # distance in frames of a key from its frame; 29.97 and 30 differ by 1e-3
 # rate that Blender writes, and the actual one
 NTSC = {rate * 1.001: rate / 1.001 for rate in (24.0, 30.0, 60.0)}
@@ -295,7 +295,7 @@ def _times(file: GltfFile, channels: Channels, nodes: int, told: float) -> tuple
     first, keys = keys[0], keys - keys[0]
     near = ON_FRAME_TOLERANCE * (1.0 + keys[-1] / 60.0)  # times have 24 bits
     cubic = any(channel.kind == "CUBICSPLINE" for channel in channels.values())
-    rates = _rates(keys, told, LEAST_CUBIC_FPS if cubic else LEAST_FPS)
+    rates = _rates(keys, told, MIN_CUBIC_FPS if cubic else MIN_FPS)
     fps = next((fps for fps in rates if np.abs(keys * fps - np.round(keys * fps)).max() < near), rates[-1])
     count = int(np.floor(keys[-1] * fps + 1e-3)) + 1
     if count > MAX_FRAMES or count * nodes > min(MAX_JOINT_FRAMES, _room(file)):
@@ -313,7 +313,7 @@ def _rates(keys: Array, told: float, least: float) -> list[float]:
     rate = 1.0 / max(float(np.median(steps)), 1e-6) if len(steps) else USUAL_FPS
     usual, likely = (*USUAL_RATES, *NTSC), least <= rate <= MAX_FPS
     rates = [told] if 0.0 < told <= MAX_FPS else []
-    if len(steps) >= LEAST_STEPS and likely:
+    if len(steps) >= MIN_DENSE_STEPS and likely:
         nearest = (*(fps for fps in usual if abs(fps - rate) < 2e-3 * fps), float(round(rate)))
         rates += [fps for fps in nearest if len(steps) > DENSE_FRACTION * keys[-1] * fps]
     return [*rates, *usual, rate if likely else USUAL_FPS]

@@ -29,8 +29,8 @@ SWAY_S, COURSE_S, HALTING_S = (
 LANDING_FRAMES = 8  # before a landing, in which a foot comes down
 FLICKER_FRAMES = 6  # of no contact, in which a foot has not left the ground
 MOVING_M_PER_S = 0.2  # of a root that goes somewhere
-LEAST_CADENCE_HZ = 0.2  # of steps whose length has a ratio to it
-LEAST_FREQUENCY_HZ = 0.3  # of a movement that is no drift
+MIN_CADENCE_HZ = 0.2  # of steps whose length has a ratio to it
+MIN_FREQUENCY_HZ = 0.3  # of a movement that is no drift
 _AT = SPORT_SKELETON.index
 LEFT, AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
@@ -205,7 +205,7 @@ def frequency(arm: Part) -> float:
     window = np.hanning(len(x))[:, None]
     power = (np.abs(np.fft.rfft((x - x.mean(0)) * window, axis=0)) ** 2).sum(axis=1)
     hertz = np.fft.rfftfreq(len(x), 1 / FPS)
-    return float(hertz[np.argmax(np.where(hertz > LEAST_FREQUENCY_HZ, power, 0))])
+    return float(hertz[np.argmax(np.where(hertz > MIN_FREQUENCY_HZ, power, 0))])
 
 
 def thigh_lift(leg: Part) -> Array:
@@ -236,7 +236,7 @@ def cadence(leg: Part) -> float:
 def walk_ratio(leg: Part) -> float:
     """Return the walk ratio: step length (metres) divided by cadence (steps per second)."""
     rate = cadence(leg)
-    return step_length(leg) / rate if rate > LEAST_CADENCE_HZ else 0.0
+    return step_length(leg) / rate if rate > MIN_CADENCE_HZ else 0.0
 
 
 def stance_lead(leg: Part) -> float:

@@ -53,8 +53,8 @@ HEAD_SEGMENT = Segment(0.0694, "Neck1", "Head", 1.6)
 SHIFT_FRACTIONS = {"Leg": 0.5, "Foot": 0.0, "ToeBase": 0.0}
 
 GRAVITY_M_PER_S2 = 9.81
-LEAST_WEIGHT_FRACTION = 0.2  # of the body's weight: minimum force that an acceleration is divided by
-LEAST_HEIGHT_M = 0.3  # of the pendulum
+MIN_WEIGHT_FRACTION = 0.2  # of the body's weight: minimum force that an acceleration is divided by
+MIN_HEIGHT_M = 0.3  # of the pendulum
 MARGIN_M = 0.02  # between the zero moment point and the line between ankles and toes that stand
 MAX_ERROR_M = 0.3
 MAX_SHIFT_M = 0.08  # limit of the hips' shift, along and across the path
@@ -190,7 +190,7 @@ class StrideBalance:
             self.shift = self.smoothing = np.zeros_like(velocity)
             return self.shift
         smoothing = [f * c * each for f, c, each in zip(in_force, composed, smoothing, strict=True)]
-        k = np.maximum(masses[:, 1], LEAST_HEIGHT_M)[:, None] / GRAVITY_M_PER_S2
+        k = np.maximum(masses[:, 1], MIN_HEIGHT_M)[:, None] / GRAVITY_M_PER_S2
         terms = _terms(self.phase.tolist()) / (1.0 + k * (_ORDERS * self.frequency[:, None]) ** 2)
         missing = [_limited(each / MASS_SHIFT, MAX_SHIFT_M) for each in self._missing(terms, velocities)]
         parts = zip(in_force, missing, paths, smoothing, strict=True)
@@ -287,7 +287,7 @@ class StrideBalance:
 def _error(fitted: Sequence[Sequence[float]], points: Sequence[complex], stands: Sequence[float]) -> complex:
     """Return the distance (m) of the zero moment point from the standing feet, times the force on them over body weight."""
     place, acceleration = fitted
-    weight = max(1.0 + acceleration[1] / GRAVITY_M_PER_S2, LEAST_WEIGHT_FRACTION)
+    weight = max(1.0 + acceleration[1] / GRAVITY_M_PER_S2, MIN_WEIGHT_FRACTION)
     error = place[1] / GRAVITY_M_PER_S2 * complex(acceleration[0], acceleration[2])
     if any(stands):
         zero_moment = complex(place[0], place[2]) - error / weight

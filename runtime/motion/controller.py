@@ -217,20 +217,22 @@ class Controller:
         return self._pose
 
 
-MOST = 64  # characters
-TOGETHER = 4  # from this many on, they run in full precision with one network call per thread
+MAX_CHARACTERS = 64  # characters
+MIN_BATCH_CHARACTERS = 4  # from this many on, they run in full precision with one network call per thread
 
 
 class Crowd:
     """Steps several controllers with one model and terrain together; each keeps its own style, seed, strength and place.
 
-    Fewer than TOGETHER are bit-identical to stepping alone; for more, the first step loads the model in full precision.
-    Raises UsageError for none, for more than MOST, and for controllers of several models or terrains.
+    Fewer than MIN_BATCH_CHARACTERS are bit-identical to stepping alone; for more, the first step loads the model in full precision.
+    Raises UsageError for none, for more than MAX_CHARACTERS, and for controllers of several models or terrains.
     """
 
     def __init__(self, members: Sequence[Controller]) -> None:
-        if not 1 <= len(members) <= MOST:
-            raise UsageError(f"Crowd: {len(members)} characters; expected 1 to {MOST}.", "Take fewer.")
+        if not 1 <= len(members) <= MAX_CHARACTERS:
+            raise UsageError(
+                f"Crowd: {len(members)} characters; expected 1 to {MAX_CHARACTERS}.", "Take fewer."
+            )
         if any(m.model is not members[0].model or m.terrain is not members[0].terrain for m in members):
             raise UsageError("Crowd: characters of several models or grounds.", "Give all the same.")
         self.members = tuple(members)
@@ -256,7 +258,7 @@ class Crowd:
         sticks = [controls] * len(self.members) if isinstance(controls, Controls) else controls
         halves = self.members[:middle], self.members[middle:]
         model = self.members[0].model
-        model = model.in_full if len(self.members) >= TOGETHER else model
+        model = model.in_full if len(self.members) >= MIN_BATCH_CHARACTERS else model
         other = self._helper.submit(_stepped, model, halves[0], sticks[:middle]) if middle else None
         frames = _stepped(model, halves[1], sticks[middle:])
         frames = frames if other is None else other.result() + frames

@@ -37,7 +37,7 @@ _SHARE = (_AROUND - _FIRST)[..., None]
 SEEN_RISE_FRACTION = (
     0.12  # of the rise of edged ground that the network sees: more would make it lose the style
 )
-NARROW_M = 0.05  # minimum height of a narrow obstacle above both neighbours; less is rough ground
+MIN_NARROW_RISE_M = 0.05  # minimum height of a narrow obstacle above both neighbours; less is rough ground
 
 
 def _layout(*fields: tuple[str, int]) -> tuple[dict[str, slice], int]:
@@ -127,7 +127,7 @@ def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tu
     between = height_points(places, nearer)  # (..., 11, 5, 3, 2)
     ends = np.maximum(heights[..., :-1, :], heights[..., 1:, :])
     above = terrain.height(between[..., 0], between[..., 1]) - ends[..., None, :]
-    above = np.where(above > NARROW_M, above, np.float32(0.0))
+    above = np.where(above > MIN_NARROW_RISE_M, above, np.float32(0.0))
     behind = int(np.argmax(BETWEEN > 0.5))
     most = np.zeros_like(heights)
     most[..., :-1, :] = above[..., :behind, :].max(-2)

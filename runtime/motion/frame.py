@@ -43,7 +43,7 @@ from runtime.traversal.traversal_frame import seen_heights, traversal_pose
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: larger outputs are faults, and would lose bone lengths to rounding
 REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight remain
-MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may rest for a while without a stall
+MIN_GAIT_SPEED_M_PER_S = 0.3  # m/s; slower, feet may rest for a while without a stall
 STEADY_SPEED_FRACTION = 0.7  # of the planned speed: below it, a body is still starting and does not swing yet
 # radians a second, averaged over this many frames: faster, the walk is turning
 TURN_FRAMES, MAX_WALKING_TURN_RAD_PER_S = 6, 0.7
@@ -371,7 +371,7 @@ def _feed_back(
 
     # the speed at which feet should be stepping: 0 at rest, in a jump, and until the root has started
     steps = [
-        requested if measured > 0.5 * requested > 0.5 * MIN_GAIT_SPEED and not jump.active else 0.0
+        requested if measured > 0.5 * requested > 0.5 * MIN_GAIT_SPEED_M_PER_S and not jump.active else 0.0
         for requested, measured, jump in zip(
             state.requested_speed.tolist(), state.measured_speed.tolist(), state.jumps, strict=True
         )

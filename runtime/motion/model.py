@@ -65,7 +65,7 @@ ARM_PARTS = 2  # the first of the six parts
 # strength of a code that is unlike any captured style: at full strength, combinations of words that were never captured together
 # unbalance the body; body edits show them too
 COMPOSED_STRENGTH = 0.85
-LISTS = 8  # style lists whose stacked weights are cached: two calls for each of four threads
+MAX_CACHED_STACKS = 8  # style lists whose stacked weights are cached: two calls for each of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 NEW_MODEL = "Give a style for each, with a newly exported model."
 ROUNDING_M = 1e-3  # rounding of heights that a ground stores
@@ -251,7 +251,7 @@ class MotionModel:
         known, tensors = self._stacked.get(asking, ((), {}))
         if len(known) != len(style) or any(a is not b for a, b in zip(known, style, strict=True)):
             tensors = {name: np.stack([getattr(one, name) for one in style]) for name in FOLDED}
-            others = self._stacked if len(self._stacked) < LISTS else {}
+            others = self._stacked if len(self._stacked) < MAX_CACHED_STACKS else {}
             self._stacked = {**others, asking: (tuple(style), tensors)}
         return tensors
 

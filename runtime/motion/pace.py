@@ -20,7 +20,7 @@ SPEED_HALF_LIFE_S = 0.12  # of the measured speed, which varies within a stride
 SETS_OFF_S = 0.36  # time constant of the expected speed after a change of the plan
 MIN_REQUEST_M_PER_S = 0.12  # slower requests have no relative error
 # A style asked to go much slower than its own speed may not start at all: its request is raised until it starts.
-STANDING_SHARE = 0.4  # of the expected speed
+STANDING_SPEED_FRACTION = 0.4  # of the expected speed
 STANDING_SECONDS = 0.7
 STANDING_GAIN = 3.0  # at most
 _NUMBERS = {"shape": ()}
@@ -59,7 +59,7 @@ class SpeedRegulator:
                 made.append((0.0, 0.0, 0.0, 1.0))
                 gains.append(1.0)
                 continue
-            stood = stood + 1.0 / FPS if measured < STANDING_SHARE * expected else 0.0
+            stood = stood + 1.0 / FPS if measured < STANDING_SPEED_FRACTION * expected else 0.0
             least, most = GAIN_RANGE
             if stood > STANDING_SECONDS:
                 most = STANDING_GAIN
@@ -73,7 +73,7 @@ class SpeedRegulator:
 
 POINTS = np.array(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
 MIN_CONTACT_WEIGHT = 0.25  # sum of squared contacts: less is a flight, which gives no measurement
-SHARE_RANGE = (0.5, 1.5)  # limits of the speed ratio
+SPEED_RATIO_RANGE = (0.5, 1.5)  # limits of the speed ratio
 STRIDE_HALF_LIFE_S = 0.3  # about a step
 MIN_STRIDE_SPEED_M_PER_S = 0.3  # slower, feet may rest
 # limits of the stride scaling, which corrects the speed difference that the regulator leaves
@@ -125,7 +125,7 @@ class StrideState:
             if speed < MIN_STRIDE_SPEED_M_PER_S:
                 fraction = 1.0
             elif total > MIN_CONTACT_WEIGHT:
-                fraction = min(max(hypot(x, z) / speed, SHARE_RANGE[0]), SHARE_RANGE[1])
+                fraction = min(max(hypot(x, z) / speed, SPEED_RATIO_RANGE[0]), SPEED_RATIO_RANGE[1])
             fractions[i] += (fraction - fractions[i]) * _STRIDES
         self.fraction = np.array(fractions)
 
@@ -151,7 +151,7 @@ def _across(joints: Array) -> Array:
     return joints.take(POINTS, 1)[..., ::2]
 
 
-STALLED_SHARE = 0.35  # of the requested speed, at which feet normally move relative to the root
+STALLED_SPEED_FRACTION = 0.35  # of the requested speed, at which feet normally move relative to the root
 STALLED_SECONDS = 0.25  # longer than feet rest relative to the root in the slowest step
 FEET_HALF_LIFE_S = 0.1  # of the feet's speed
 STALLED_RATE_HZ = 2.0  # rate of the phases while stalled
@@ -177,7 +177,7 @@ class Stall:
         speeds, seconds = self.speed.tolist(), self.seconds.tolist()
         for i, (wanted, *places) in enumerate(zip(requested, feet.tolist(), self.feet.tolist(), strict=True)):
             speeds[i] += (sum(map(dist, *places)) * (FPS / len(POINTS)) - speeds[i]) * _FEET
-            slow = wanted > 0.0 and speeds[i] < STALLED_SHARE * wanted
+            slow = wanted > 0.0 and speeds[i] < STALLED_SPEED_FRACTION * wanted
             seconds[i] = seconds[i] + 1.0 / FPS if slow else 0.0
         self.feet, self.speed, self.seconds = feet, np.array(speeds), np.array(seconds)
         return [each > STALLED_SECONDS for each in seconds]

@@ -23,7 +23,7 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 WALKERS = 13
-LEAD_IN, FRAMES = 120, 240  # frames not measured, while the walks find their gait; frames measured
+LEAD_IN_FRAMES, FRAMES = 120, 240  # frames until the walks have found their gait; frames measured
 STICK_FRACTION = 0.7
 # of the whole change: minimum counted per step, so that equal walks keep even weights
 MIN_CHANGE_FRACTION = 0.02
@@ -66,9 +66,9 @@ def _frames(walkers: Sequence[Controller], pause: float) -> tuple[Array, Array]:
     crowd, ahead = Crowd(walkers), Controls(move=(0.0, STICK_FRACTION))
     hips, local = [], []
     try:
-        for frame in range(LEAD_IN + FRAMES):
+        for frame in range(LEAD_IN_FRAMES + FRAMES):
             crowd.step(ahead)
-            if frame >= LEAD_IN:
+            if frame >= LEAD_IN_FRAMES:
                 hips.append([walker.unlocked[0] for walker in walkers])
                 local.append([walker.unlocked[1] for walker in walkers])
             if pause:

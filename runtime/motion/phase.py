@@ -45,10 +45,10 @@ def at_rate(before: Array, window: Array, rate: Array) -> Array:
 MIN_GESTURE_AMPLITUDE = 1.3
 MIN_GESTURE_RATE_HZ = 0.97  # from the same fit
 FULL_GESTURE_AMPLITUDE = 2.0  # of a waving hand in capture
-RATES = (0.7, 2.0)  # turns a second
+RATE_RANGE_HZ = (0.7, 2.0)  # turns a second
 STANDING_LABEL_FRACTION = 0.9  # of the gait's label
 CLOCK_HALF_LIFE_S = 0.25  # in which the clock fades in and out
-LEAST_SHARE = 0.01
+MIN_CLOCK_WEIGHT = 0.01
 _SECONDS = np.arange(PHASE_OFFSETS[0], PHASE_OFFSETS[-1] + 1) / FPS
 _PRESENT = int(-PHASE_OFFSETS[0])
 
@@ -81,13 +81,13 @@ class RestRhythm:
         if not swings.any() and not np.count_nonzero(self.fraction):
             return phase
         full = FULL_GESTURE_AMPLITUDE / np.maximum(rest[..., 0], MIN_GESTURE_AMPLITUDE)
-        rate = np.clip(full * rest[..., 1], *RATES)
+        rate = np.clip(full * rest[..., 1], *RATE_RANGE_HZ)
         now = phase[:, _PRESENT]
         begins = self.fraction == 0.0
         turns = np.where(begins, np.arctan2(now[..., 0], now[..., 1]) / (2 * np.pi), self.turns)
         self.turns = turns + rate / FPS
         fraction = self.fraction + (swings - self.fraction) * (1.0 - decay(CLOCK_HALF_LIFE_S))
-        self.fraction = np.where(swings | (fraction > LEAST_SHARE), fraction, 0.0)
+        self.fraction = np.where(swings | (fraction > MIN_CLOCK_WEIGHT), fraction, 0.0)
         angle = 2 * np.pi * (self.turns[:, None] + rate[:, None] * _SECONDS[:, None])
         clock = FULL_GESTURE_AMPLITUDE * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
         return np.asarray(phase + self.fraction[:, None, :, None] * (clock - phase))

@@ -109,7 +109,7 @@ WATCHED = np.array(
     ]
 )
 # m/s, limb speeds of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
-AT_REST = (0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02)
+REST_M_PER_S = (0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02)
 NEARLY_AT_REST_FRACTION = 0.3  # of the usual speed: below it, a body at rest is moved over its feet
 # extra distance, relative to the usual one, that a held foot may be off at rest, to avoid needless steps
 ADDED_PATIENCE_FRACTION = 0.6
@@ -175,7 +175,7 @@ class Settling:
                     for each, now in zip(usual[i], speed, strict=True)
                 ]
             # while coming to rest, limbs may not exceed their usual speed
-            limits = zip(usual[i], AT_REST, speed, strict=True) if free[i] or fractions[i] < 1.0 else ()
+            limits = zip(usual[i], REST_M_PER_S, speed, strict=True) if free[i] or fractions[i] < 1.0 else ()
             slow = (max(fractions[i] * each, least) / max(now, MIN_DIVISOR) for each, least, now in limits)
             rate = min(1.0, min(slow, default=1.0))
             even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], MIN_RATE_FRACTION)))

@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.controls import STAND_SPEED, Controls, Gait
+from runtime.controls import STAND_SPEED_M_PER_S, Controls, Gait
 from runtime.motion.features import DT
 from runtime.motion.model import MotionModel
 from runtime.motion.pace import STANDING_SECONDS
-from runtime.motion.root_motion import SPEED_HALF_LIFE
+from runtime.motion.root_motion import SPEED_HALF_LIFE_S
 from runtime.motion.state import CharacterState
 from runtime.motion.style import Style
-from runtime.motion.trajectory import JOG_SHARE, PRESENT
+from runtime.motion.trajectory import JOG_SPEED_FRACTION, PRESENT
 from runtime.scalar_math import MIN_DIVISOR, decay
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
@@ -27,12 +27,12 @@ from runtime.traversal.traversal import Traversal
 TAKE_OFF_FRAMES = 6  # over which the take-off velocity is averaged
 # devices give 1 at most; a script may request more than the style's own speed
 MAX_STICK_LENGTH = 2.0
-CROUCH_SPEED = 0.8  # m/s at full stick
+CROUCH_SPEED_M_PER_S = 0.8  # m/s at full stick
 # of the planned speed: a slower body is still accelerating into a jog
 GATHERED_SPEED_FRACTION = 0.8
 JOG_START_GAIN = 1.0  # limit of the regulator's gain until then
 MIN_PLANNED_SPEED_M_PER_S = 0.05  # a stopping body is regulated down to this
-_SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
+_SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE_S)
 
 
 class FrameRequest(NamedTuple):
@@ -46,7 +46,7 @@ class FrameRequest(NamedTuple):
 def full_speed(style: Style, gait: Gait) -> float:
     """Return the speed (m/s) that a full stick requests in a style."""
     walk, jog = style.speeds
-    return {Gait.JOG: jog, Gait.CROUCH: CROUCH_SPEED}.get(gait, walk)
+    return {Gait.JOG: jog, Gait.CROUCH: CROUCH_SPEED_M_PER_S}.get(gait, walk)
 
 
 def _stick(controls: Controls) -> tuple[float, float, float]:
@@ -70,7 +70,7 @@ def probe_paths(
         requested = sticks[i][2] * full_speed(state.styles[i].style, gait)
         # beside a beam a probe would find a drop
         ground = None
-        if requested > STAND_SPEED and not clear[i] and not state.feet[i].on_beam:
+        if requested > STAND_SPEED_M_PER_S and not clear[i] and not state.feet[i].on_beam:
             ground = terrain
         probe = traversal.probe(ground, here[i], headings[i], float(state.measured_speed[i]))
         if probe.ahead is not None and model.crosses(probe.ahead.obstacle):
@@ -104,7 +104,7 @@ def read_request(
         gait = jump.requested_gait(stick.gait)
         full = full_speed(style, gait)
         speed = 0.0 if probe.stops else amount * full
-        ahead = (x * full, z * full) if speed > STAND_SPEED else None
+        ahead = (x * full, z * full) if speed > STAND_SPEED_M_PER_S else None
         way = ahead or (0.0, 0.0)
         if jump.airborne:  # no steering in the air
             way = state.trajectory.velocity[i].tolist()
@@ -114,7 +114,7 @@ def read_request(
         request.velocity.append(way)
         request.gait.append(int(gait))
         request.facing.append(_facing(traversal, stick.facing, ahead))
-        speeds.append(speed if speed > STAND_SPEED else 0.0)
+        speeds.append(speed if speed > STAND_SPEED_M_PER_S else 0.0)
     state.wished_speed = np.array(speeds)
     return request
 
@@ -139,7 +139,7 @@ def root_velocity_of(state: CharacterState, index: int) -> tuple[float, float]:
 def _jog_from(style: Style, gait: int, wished: float) -> float:
     """Planned speed (m/s) from which the gait is a jog, also for slow jogs."""
     middle = 0.5 * sum(style.speeds)
-    return min(middle, JOG_SHARE * wished) if gait == Gait.JOG else middle
+    return min(middle, JOG_SPEED_FRACTION * wished) if gait == Gait.JOG else middle
 
 
 def steer(

@@ -11,7 +11,7 @@ from math import cos, hypot, pi, sin
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.controls import STAND_SPEED, Gait
+from runtime.controls import STAND_SPEED_M_PER_S, Gait
 from runtime.motion.features import DT
 from runtime.motion.pace import stretch
 from runtime.motion.pose_smoothing import (
@@ -32,12 +32,12 @@ from runtime.terrain.steps import level_ahead
 from runtime.traversal.obstacle_probe import CLEAR, HALF_BODY_M, ObstacleProbe, held_back
 from runtime.traversal.traversal_frame import traversal_velocity
 
-LAST_SPEED = 9.0  # times the planned speed: more than that fades at the end of a stop,
+LAST_SPEED_RATIO = 9.0  # times the planned speed: more than that fades at the end of a stop,
 FIRM_CONTACT_WEIGHT = 0.5  # sum of squared contacts from which feet carry the root
 # half-life: planted feet carry the root, which would otherwise slide over them
 COAST_HALF_LIFE_S = 0.24
-SPEED_HALF_LIFE = 0.25  # smoothing of the measured speed, which varies within a stride
-_COAST, _FOLLOWS = decay(COAST_HALF_LIFE_S), 1.0 - decay(SPEED_HALF_LIFE)
+SPEED_HALF_LIFE_S = 0.25  # smoothing of the measured speed, which varies within a stride
+_COAST, _FOLLOWS = decay(COAST_HALF_LIFE_S), 1.0 - decay(SPEED_HALF_LIFE_S)
 
 
 def root_velocity(
@@ -61,13 +61,13 @@ def root_velocity(
         speed, requested = hypot(x, z), float(state.requested_speed[i])
         if state.wished_speed[i] == 0.0 and not jump.airborne:
             # a body at rest does not creep: speed beyond the plan fades
-            most = max(LAST_SPEED * requested, _COAST ** (GAME_RESPONSE_FRACTION**-haste) * root[i])
+            most = max(LAST_SPEED_RATIO * requested, _COAST ** (GAME_RESPONSE_FRACTION**-haste) * root[i])
             creep = min(1.0, most / max(speed, MIN_SIZE))
             x, z, speed = creep * x, creep * z, creep * speed
         root[i], measured[i] = speed, measured[i] + (speed - measured[i]) * _FOLLOWS
         aside_x, aside_z = over_feet(state, i)
         longer = 1.0
-        if measured[i] > 0.5 * requested > 0.5 * STAND_SPEED and not jump.airborne:
+        if measured[i] > 0.5 * requested > 0.5 * STAND_SPEED_M_PER_S and not jump.airborne:
             planned = float(state.smooth_request[i]), requested
             longer = stretch(planned, (measured[i], speed), jogs[i], haste)
         velocities[i] = (longer * (x + aside_x), longer * (z + aside_z))
@@ -115,7 +115,7 @@ def _past_obstacles(
 
 
 # planned speed (m/s) of a stop below which feet carry the root, and arms and trunk settle
-CALM_FROM_FRACTION = 0.8
+SETTLING_SPEED_M_PER_S = 0.8
 TURNING_RAD = 0.03  # difference between requested and planned facing from which a body turns in place
 STANDING_CONTACT_FRACTION = 0.5  # contact of heel or toe from which a foot stands
 GAIT_CHANGE_FRACTION = 0.03  # change of the gait labels per frame from which a body crouches or gets up
@@ -126,7 +126,7 @@ def rest_share(state: CharacterState) -> list[float]:
     return [
         0.0
         if wished > 0.0 or jump.airborne
-        else min(max(1.0 - requested / CALM_FROM_FRACTION, 0.0), 1.0) * (1.0 - max(swings))
+        else min(max(1.0 - requested / SETTLING_SPEED_M_PER_S, 0.0), 1.0) * (1.0 - max(swings))
         for wished, requested, swings, jump in zip(
             state.wished_speed.tolist(),
             state.requested_speed.tolist(),

@@ -31,8 +31,8 @@ from runtime.traversal.traversal import is_possible
 
 VERSION = 8
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
-MOST_CODES, LARGEST_SHARE, MAX_CODE_VALUE = 64, 64.0, 1e4
-LONGEST_BLEND_S, MAX_STRENGTH_RATIO, MAX_SPEED_M_PER_S = 1e6, 16.0, 100.0
+MAX_MIX_CODES, MAX_MIX_WEIGHT, MAX_CODE_VALUE = 64, 64.0, 1e4
+MAX_BLEND_S, MAX_STRENGTH_RATIO, MAX_SPEED_M_PER_S = 1e6, 16.0, 100.0
 # exceptions of zipfile, json and numpy for damaged bytes
 DAMAGES = (
     ValueError, KeyError, TypeError, OSError, EOFError, IndexError, AttributeError, RecursionError, NotImplementedError,
@@ -136,7 +136,7 @@ def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any
 
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
-    limits = (("seconds", LONGEST_BLEND_S), ("progress", 1.0), ("strength", MAX_STRENGTH_RATIO))
+    limits = (("seconds", MAX_BLEND_S), ("progress", 1.0), ("strength", MAX_STRENGTH_RATIO))
     numbers = [read_number(tree[name], most) for name, most in limits]
     if (numbers[1] < 1.0 and numbers[0] <= 0.0) or numbers[1] < 0.0:
         raise ValueError("a blend that takes no time")
@@ -159,7 +159,7 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     if tree.get("opposite") is None:
         return replace(made, mirrored=tree.get("mirrored") is True)
     opposite = _folded(tree["opposite"] | {"opposite": None}, arrays)
-    limbs = tuple(read_number(fraction, LARGEST_SHARE) for fraction in tree["limbs"])
+    limbs = tuple(read_number(fraction, MAX_MIX_WEIGHT) for fraction in tree["limbs"])
     if len(limbs) != LIMBS:
         raise ValueError("limbs that no body has")
     return replace(made, mirrored=tree["mirrored"] is True, opposite=opposite, limbs=limbs)
@@ -178,9 +178,9 @@ def _edits(tree: Any) -> Any:
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
     codes = arrays[int(tree["codes"])]
-    fractions = [read_number(fraction, LARGEST_SHARE) for fraction in tree["weights"]]
+    fractions = [read_number(fraction, MAX_MIX_WEIGHT) for fraction in tree["weights"]]
     fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
-    if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= MAX_CODE_VALUE).all():
+    if not fits or not 1 <= len(codes) <= MAX_MIX_CODES or not (np.abs(codes) <= MAX_CODE_VALUE).all():
         raise ValueError("codes that no style has")
     return StyleMix(tuple(fractions), tuple(codes), checked_targets(_edits(tree)))
 

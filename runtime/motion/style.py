@@ -26,7 +26,7 @@ Shares = tuple[float, ...]  # blend weights of the second of two styles, at even
 
 LINEAR: Shares = (0.0, 1.0)
 NEUTRAL_SPEEDS = 1.3, 2.0  # m/s of a neutral walk and jog
-CACHED = 16  # folded codes that are cached: a blend of six parts has seven
+MAX_CACHED_FOLDS = 16  # folded codes that are cached: a blend of six parts has seven
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class StyleFolder:
             found = self._fold(mirrored_code(z) if mirrored else z, self.strength)
             found = replace(found, z=z, mirrored=True) if mirrored else found
         self._known[key] = found  # the most recent last
-        if len(self._known) > CACHED:
+        if len(self._known) > MAX_CACHED_FOLDS:
             del self._known[next(iter(self._known))]
         return found
 

@@ -43,7 +43,7 @@ SWINGS = ("pelvis_yaw", "pelvis_roll", "shoulder_yaw", "arms", "bob")
 YAW, ROLL, SHOULDERS, ARMS, BOB = range(len(SWINGS))
 PLAIN = (1.0,) * len(SWINGS)
 LEAST_GAIN, MOST_GAIN = 0.5, 2.5
-MOST = (radians(9.0), radians(6.0), radians(12.0), radians(30.0), 0.04)  # rad, m: limits
+MAX_ADDED_SWINGS = (radians(9.0), radians(6.0), radians(12.0), radians(30.0), 0.04)  # rad, m: limits
 # body parts whose descriptions determine each swing: an arm's description leaves the pelvis alone
 _LEGS_TRUNK, _ARMS_TRUNK = (
     [PART_NAMES.index(part) for part in (*limbs, "torso")]
@@ -193,7 +193,7 @@ def _swung(
 ) -> tuple[float, dict[int, Quaternion]]:
     """Return the hips' rise (metres) and the local rotations of turned joints; `more` are the added fractions of each swing."""
     yaw, roll, turn, rise = (
-        min(max(more[k] * (now[at] - means[at]), -MOST[k]), MOST[k])
+        min(max(more[k] * (now[at] - means[at]), -MAX_ADDED_SWINGS[k]), MAX_ADDED_SWINGS[k])
         for at, k in enumerate((YAW, ROLL, SHOULDERS, BOB))
     )
     pelvis = multiply(from_vector((0.0, yaw, roll)), local[0])
@@ -201,7 +201,7 @@ def _swung(
     for k, joint in enumerate(_UPPER_ARMS, 1):
         w, x, y, z = means[4 * k : 4 * k + 4]
         swing = to_vector(multiply(local[joint], (w, -x, -y, -z)))
-        size = min(abs(more[ARMS]), MOST[ARMS] / max(length(swing), MIN_DIVISOR))
+        size = min(abs(more[ARMS]), MAX_ADDED_SWINGS[ARMS] / max(length(swing), MIN_DIVISOR))
         turned[joint] = multiply(from_vector(scale(swing, copysign(size, more[ARMS]))), local[joint])
     before = [leg_forward(bones, hips, local) for bones in _LEGS]
     legs = []  # the thighs move with the pelvis, and the feet stay

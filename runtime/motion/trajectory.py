@@ -28,21 +28,21 @@ from runtime.terrain.height_map import Terrain
 TO_WALK_S = 0.72  # from rest to the walking speed of a neutral body, and back
 # of TO_WALK_S: a style slower than neutral has slower steps
 FASTEST_CHANGE_RATIO, SLOWEST_CHANGE_RATIO = 0.85, 1.12
-TURN = np.pi / 2  # radians
+TURN_RAD = np.pi / 2  # radians
 TO_TURN_S = (0.95, 1.25, 0.75)  # seconds: standing, walking, and at twice that speed
 GAME_RESPONSE_FRACTION = 0.13  # factor on these times at full response
 MIN_RESPONSE, MAX_RESPONSE = 0.0, 1.0
-WISH_HALF_LIFE = 0.1  # seconds, of the reaction to a request
+REQUEST_HALF_LIFE = 0.1  # seconds, of the reaction to a request
 LABEL_HALF_LIFE = 0.08  # seconds, in which a gait's label fades in and out
 CROUCH_HALF_LIFE = 0.35  # seconds, of a crouch's label: knees and elbows would snap if it changed at once
-STILL_SPEED = 0.15  # m/s: slower is standing, as in the training labels
-JOG_SHARE = 0.75  # fraction of a slow jog's speed from which it counts as a jog
+STILL_SPEED_M_PER_S = 0.15  # m/s: slower is standing, as in the training labels
+JOG_SPEED_FRACTION = 0.75  # fraction of a slow jog's speed from which it counts as a jog
 # a label fades in from 1 to 2 on this multiple of speed over threshold: at 2/3 to 4/3 of the threshold
 LABEL_CHANGE_RATIO = 1.5
 MIN_CROUCH_CHANGE = 0.02  # of the weight of a crouch: more is faded slowly
 AHEAD = np.arange(61) / FPS  # seconds of the coming frames, the present one first
 _STAND, _WALK, _JOG, _CROUCH = map(int, (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH))
-_MAKES_UP = decay(WISH_HALF_LIFE)
+_MAKES_UP = decay(REQUEST_HALF_LIFE)
 _LABEL_FADE = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
 
 
@@ -61,7 +61,7 @@ def change_seconds(walk_speed: float, response: float) -> float:
 
 
 def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
-    """Return the time (seconds) to turn by TURN at a speed (m/s); see `change_seconds`."""
+    """Return the time (seconds) to turn by TURN_RAD at a speed (m/s); see `change_seconds`."""
     standing, walking, twice = TO_TURN_S
     going = min(speed / walk_speed, 2.0)
     slower, faster, part = (standing, walking, going) if going < 1.0 else (walking, twice, going - 1.0)
@@ -90,9 +90,9 @@ def planned_velocities(now: Array, wish: Array, reach: Array, seconds: Array) ->
 
 
 def facings(now: Array, wish: Array, seconds: Array) -> Array:
-    """Return yaws `(N, 61)` (radians) that turn the shorter way from `now` to `wish` `(N,)`, by TURN in `seconds` `(N,)`."""
+    """Return yaws `(N, 61)` (radians) that turn the shorter way from `now` to `wish` `(N,)`, by TURN_RAD in `seconds` `(N,)`."""
     turn = (now - wish + np.pi) % (2 * np.pi) - np.pi
-    left = remaining(np.abs(turn)[:, None], TURN, seconds[:, None], AHEAD)
+    left = remaining(np.abs(turn)[:, None], TURN_RAD, seconds[:, None], AHEAD)
     return np.asarray((now - turn)[:, None] + np.sign(turn)[:, None] * left)
 
 
@@ -105,7 +105,7 @@ def labels(
     a jog begins. Gaits other than stand, walk and jog are kept. At full `response` a crouch comes as fast as other labels.
     """
     # a jump with the stick at rest has a threshold of 0
-    thresholds = np.array([[STILL_SPEED, max(each, MIN_SIZE)] for each in jog_from]).T
+    thresholds = np.array([[STILL_SPEED_M_PER_S, max(each, MIN_SIZE)] for each in jog_from]).T
     moves, jogs = smoothstep(speeds * (LABEL_CHANGE_RATIO / thresholds)[..., None] - 1.0)
     jogs *= moves
     plan = np.zeros((*speeds.shape, GAITS))

@@ -19,10 +19,10 @@ from runtime.motion.model import MotionModel
 from runtime.motion.style import Style, StyleBlend, mixed
 from runtime.scalar_math import decay
 
-LEAST_SHARE = 0.5  # minimum weight of the requested style
-SHARE_STEPS = 20  # resolution of the weight: each step is mixed once
-SHARE_LOSS_PER_S = 0.8  # while a fault is detected
-SHARE_GAIN_PER_S = 1.0  # during the transition to another style
+MIN_STYLE_WEIGHT = 0.5  # minimum weight of the requested style
+STYLE_WEIGHT_STEPS = 20  # resolution of the weight: each step is mixed once
+STYLE_LOSS_PER_S = 0.8  # while a fault is detected
+STYLE_GAIN_PER_S = 1.0  # during the transition to another style
 MAX_FLIGHT_S = 0.05  # with both feet off the ground in a walk
 MAX_SWING_S = 0.8  # of a foot off the ground in a walk
 MAX_RISE_M = 0.055  # root mean square of the hips' height about its mean: a range of 16 cm
@@ -42,9 +42,9 @@ class WalkableShare:
 
     def styles(self, model: MotionModel, blends: Sequence[StyleBlend]) -> list[Style]:
         """Return the style of each character for this frame, weakened towards neutral if its walk fails."""
-        steps = [round(share * SHARE_STEPS) for share in self.share.tolist()]
+        steps = [round(share * STYLE_WEIGHT_STEPS) for share in self.share.tolist()]
         return [
-            blend.style if share >= SHARE_STEPS else _weakened(model, blend, share)
+            blend.style if share >= STYLE_WEIGHT_STEPS else _weakened(model, blend, share)
             for blend, share in zip(blends, steps, strict=True)
         ]
 
@@ -72,9 +72,9 @@ class WalkableShare:
             square = square + _FOLLOWS * ((height - mean) ** 2 - square) if goes else 0.0
             flies = on_foot and (max(air[:2]) > MAX_SWING_S or air[2] > MAX_FLIGHT_S)
             if changes:
-                share = min(share + SHARE_GAIN_PER_S * DT, 1.0)
+                share = min(share + STYLE_GAIN_PER_S * DT, 1.0)
             elif goes and (square > MAX_RISE_M**2 or flies):
-                share = max(share - SHARE_LOSS_PER_S * DT, LEAST_SHARE)
+                share = max(share - STYLE_LOSS_PER_S * DT, MIN_STYLE_WEIGHT)
             made.append((*air, mean, square, share))
         values = np.array(made)
         self.in_air, self.height, self.share = values[:, :3], values[:, 3:5], values[:, 5]
@@ -83,7 +83,7 @@ class WalkableShare:
 @lru_cache(maxsize=16)
 def _weakened(model: MotionModel, blend: StyleBlend, steps: int) -> Style:
     """Return a blend's style mixed with neutral walking of the same mirroring; the prompt's body edits stay."""
-    style, fraction = blend.style, steps / SHARE_STEPS
+    style, fraction = blend.style, steps / STYLE_WEIGHT_STEPS
     neutral = model.neutral_style(style.mirrored)
     if style.opposite is not None:
         opposite = model.neutral_style(not style.mirrored)

@@ -13,7 +13,7 @@ from typing import BinaryIO
 from runtime.session.sqlite_file import side_files
 from runtime.session.tables import PAGE_BYTES, TABLES, TAIL, Row, Value, checksum, sealed
 
-LEAF, INDICES = 13, (2, 10)  # page types: table leaf; index pages
+LEAF_PAGE, INDEX_PAGES = 13, (2, 10)  # page types: table leaf; index pages
 # limit of the pages searched byte by byte for rows, because their directory is damaged
 MAX_SEARCHED_PAGES = 400
 MAX_SEARCHED_BITS = 40_000_000  # of rows with a wrong bit: about 2 s
@@ -94,12 +94,12 @@ class _Pages:
     def _is_unclear(self, number: int) -> bool:
         """Return whether a page may contain rows that its directory does not list: it is neither empty nor an index page."""
         page = self.page(number)
-        return bool(page.strip(b"\0")) and page[0] not in INDICES
+        return bool(page.strip(b"\0")) and page[0] not in INDEX_PAGES
 
     def _cells(self, number: int) -> Iterator[Cell | None]:
         """Yield the rows in a page's directory; None for an invalid entry."""
         page, head = self.page(number), 100 * (number == 1)
-        if len(page) < head + 8 or page[head] != LEAF:
+        if len(page) < head + 8 or page[head] != LEAF_PAGE:
             return
         (count,) = struct.unpack_from(">H", page, head + 3)
         for k in range(min(count, (len(page) - head - 8) // 2)):

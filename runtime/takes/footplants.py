@@ -1,7 +1,6 @@
 """Footplant edits: a plant is lengthened, shortened, moved, added or removed.
 
-The path of the foot is retimed: its motion between two plants takes the time that is left between
-them, and the leg follows by IK.
+The path of the foot is retimed: its motion between two plants takes the time left, and the leg follows by IK.
 """
 
 from __future__ import annotations

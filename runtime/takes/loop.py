@@ -25,7 +25,7 @@ SOLE_WEIGHT = 4.0  # of ankle and toe heights, so that standing feet match at bo
 NEAR_CYCLE_FACTOR = 1.15  # cycles whose lengths differ by less have the same number of strides
 # the shortest cycle whose cost is within this factor of the best: one cycle, not two
 NEARLY_BEST_FACTOR = 1.25
-MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # limits of two ends that can be blended
+MAX_ENDS_M, MAX_ENDS_RAD = 0.15, np.deg2rad(40.0)  # limits of two ends that can be blended
 MAX_STARTS = 1800  # limit of first frames that are compared
 SWING_FRACTION = 0.35  # of a foot's highest speed, above which it is in swing
 _LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
@@ -40,7 +40,7 @@ def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, Root
     first, last = find_cycle(clip, root, strides)
     cycle, track = clip.trim(first, last), root.cut(first, last)
     ends_m, ends_radians = seam_error(cycle, track)
-    if ends_m > MAX_ENDS_M or ends_radians > MAX_ENDS_RADIANS:
+    if ends_m > MAX_ENDS_M or ends_radians > MAX_ENDS_RAD:
         gap = f"{ends_m * 100:.0f} cm and {np.rad2deg(ends_radians):.0f} degrees"
         raise UsageError(f": no steady walk; the most similar frames are {gap} apart.", _REMEDY, "loop")
     closed = close_seam(cycle, track)

@@ -32,9 +32,9 @@ EASY_ARM_FRACTION, MAX_ARM_FRACTION = 0.94, 0.995
 # of its length, and limit of the hips' lowering for a leg out of reach
 EASY_LEG_FRACTION, MAX_DROP_M = 0.985, 0.2
 MAX_LEAN_RAD = np.radians(60.0)  # of the spine, to bring a hand nearer
-LETS_GO_REACHES = (1.9, 2.6)  # arm lengths from the shoulder, where a hand begins to let go, and has let go
-FOOT_LETS_GO_LENGTHS = (1.02, 1.3)  # in leg lengths from the hip, likewise
-LOOKS_AWAY_RAD = np.radians((90.0, 150.0))  # where the head begins to let go, and has let go
+RELEASE_ARM_LENGTHS = (1.9, 2.6)  # where a hand begins to let go, and has let go
+RELEASE_LEG_LENGTHS = (1.02, 1.3)  # in leg lengths from the hip, likewise
+RELEASE_LOOK_RAD = np.radians((90.0, 150.0))  # where the head begins to let go, and has let go
 MAX_TURN_RAD = np.radians(75.0)  # of the head
 POLE_M = 0.03  # an elbow closer to the shoulder-hand line bends down and back
 UPPER_BODY = tuple(j for part in ("torso", "left_arm", "right_arm", "head") for j in PART_JOINTS[part] if j)
@@ -184,7 +184,7 @@ def _look(frames: _Frames, seen: World, goals: Array, weights: Array) -> None:
     wanted = rotations.normalize(goals - positions[:, HEAD])
     chest = rotations.rotate(world[:, CHEST], _FORWARD)
     off = np.arccos(np.clip(np.sum(chest * wanted, -1), -1.0, 1.0))
-    weights = weights * _falls(off, *LOOKS_AWAY_RAD)
+    weights = weights * _falls(off, *RELEASE_LOOK_RAD)
     turn = rotations.to_rotation_vector(rotations.between(facing, wanted))
     angle = np.linalg.norm(turn, axis=-1, keepdims=True)
     turn = turn * weights[:, None] * np.minimum(1.0, MAX_TURN_RAD / np.maximum(angle, 1e-9))
@@ -195,7 +195,7 @@ def _reach(frames: _Frames, seen: World, goals: Array, weights: Array, what: Pin
     """Move a hand to its goal; the spine leans if the arm is too short, and the hand releases a goal far out of reach."""
     (positions, world), (shoulder, elbow, hand) = seen, ARMS[what]
     distance = np.linalg.norm(goals - positions[:, shoulder], axis=-1)
-    weights = weights * _falls(distance / ARM_M, *LETS_GO_REACHES)
+    weights = weights * _falls(distance / ARM_M, *RELEASE_ARM_LENGTHS)
     own = np.linalg.norm(positions[:, hand] - positions[:, shoulder], axis=-1)
     for _ in range(3):
         lack = distance - np.maximum(own, EASY_ARM_FRACTION * ARM_M)
@@ -255,7 +255,7 @@ def _foot_heading(made: _Frames, pin: Pin, parts: Sequence[slice], weights: Arra
 def _bearing(positions: Array, goals: Array, weights: Array, side: int) -> Array:
     """Return weights `(T,)` of a foot on its mark, which it releases if the leg cannot reach it."""
     return weights * _falls(
-        np.linalg.norm(goals - positions[:, 2 + 5 * side], axis=-1) / LEG_M, *FOOT_LETS_GO_LENGTHS
+        np.linalg.norm(goals - positions[:, 2 + 5 * side], axis=-1) / LEG_M, *RELEASE_LEG_LENGTHS
     )
 
 

@@ -32,7 +32,7 @@ DEFAULT_EASE_S, MAX_EASE_S, MAX_TIME_S = 0.3, 60.0, 36_000.0
 MAX_KEYS = 1000
 CHUNK_FRAMES = 2048  # processed together, which limits memory
 APART_S = 1e-6  # minimum distance of two keys: a curve between nearer ones would overflow
-MAX_TURN, MAX_MOVE_M = 7.0, 10.0  # radians, metres
+MAX_TURN_RAD, MAX_MOVE_M = 7.0, 10.0  # radians, metres
 REMEDY = "Undo, or delete the key and set it again."
 
 
@@ -88,7 +88,7 @@ class PoseKey:
     tangent: Tangent = Tangent.SMOOTH
 
     def __post_init__(self) -> None:
-        turns = _fit(self.turns, range(J), MAX_TURN)
+        turns = _fit(self.turns, range(J), MAX_TURN_RAD)
         if not (turns and _fit(self.moves, MOVED, MAX_MOVE_M) and 0.0 <= self.seconds <= MAX_TIME_S):
             raise UsageError(f"A pose key at {self.seconds:g} s with values of no body.", REMEDY)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.controls import STAND_SPEED, Controls, Gait
+from runtime.controls import STAND_SPEED_M_PER_S, Controls, Gait
 from runtime.errors import SportError
 from runtime.motion.controller import Controller
 from runtime.motion.trajectory import MAX_RESPONSE
@@ -33,7 +33,7 @@ YAW_DEVIATION_FRAMES = 10.0  # and from the facing
 LOOK_AHEAD_S = 0.28  # the stick requests the velocity this much later: about the body's response time
 CORRECTION_PER_S = 2.2  # velocity towards the clip's position, per metre of distance
 MAX_CORRECTION_M_PER_S = 0.8
-MIN_FACING_ANGLE = 0.6  # radians between facing and path above which the facing is requested: a side step
+MIN_FACING_RAD = 0.6  # radians between facing and path above which the facing is requested: a side step
 CROUCH_HEIGHT_M = 0.77  # of the hips above the ground: below it, a body of our size crouches (walking: 0.955)
 JOG_M_PER_S = 1.95  # above it, a body of our size jogs
 JOG_AIR_FRACTION = 0.08  # of a second without a foot on the ground, above which it also jogs
@@ -64,7 +64,7 @@ def requests_of(clip: Clip) -> ClipRequests:
     yaw = smooth(headings[:, None], YAW_DEVIATION_FRAMES)[:, 0]
     speed = np.linalg.norm(velocity, axis=-1)
     off = np.abs((np.arctan2(velocity[:, 0], velocity[:, 1]) - yaw + np.pi) % (2.0 * np.pi) - np.pi)
-    facing = (smooth(off[:, None], YAW_DEVIATION_FRAMES)[:, 0] > MIN_FACING_ANGLE) | (
+    facing = (smooth(off[:, None], YAW_DEVIATION_FRAMES)[:, 0] > MIN_FACING_RAD) | (
         speed < FACING_SPEED_M_PER_S
     )
     gaits = _gaits(clip, speed) if clip.gaits is None else clip.gaits
@@ -93,7 +93,7 @@ def _gaits(clip: Clip, speed: Array) -> NDArray[np.int8]:
     result = np.full(len(hips), int(Gait.WALK), np.int8)
     result[(speed > JOG_M_PER_S) | ((flies > JOG_AIR_FRACTION) & (speed > 1.2))] = Gait.JOG
     result[low] = Gait.CROUCH
-    result[(speed < STAND_SPEED) & ~low] = Gait.STAND
+    result[(speed < STAND_SPEED_M_PER_S) & ~low] = Gait.STAND
     for first, end in stretches(air > 0.0):
         rises = hips[first:end].max() - np.median(hips[max(first - FPS, 0) : first + 1])
         if end - first > JUMP_AIR_S * FPS and rises > JUMP_RISE_M:

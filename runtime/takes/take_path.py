@@ -22,10 +22,10 @@ from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputFrames, InputRecording, Steppable, started, with_poses
 from runtime.takes.metadata import gait_of
 
-APART_M = 1.5  # between two waypoints of a straight path
-BEND_M = 0.12  # tolerated deviation from the line between two waypoints
-MIN_STICK = 0.1  # of the full stick
-STANDS_S = 0.75  # after the end of the path
+WAYPOINT_SPACING_M = 1.5  # between two waypoints of a straight path
+MAX_DEVIATION_M = 0.12  # tolerated deviation from the line between two waypoints
+MIN_STICK_FRACTION = 0.1  # of the full stick
+REST_AT_END_S = 0.75  # after the end of the path
 MAX_SECONDS = 600.0
 MOVED_M = 0.05  # a shorter distance counts as standing
 
@@ -51,7 +51,7 @@ def _leg(frames: Sequence[Controls]) -> tuple[float, Gait]:
     moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
     gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
     stick = float(np.median([hypot(*c.move) for c in moving]))
-    return min(max(stick, MIN_STICK), 1.0), max(set(gaits), key=gaits.count)
+    return min(max(stick, MIN_STICK_FRACTION), 1.0), max(set(gaits), key=gaits.count)
 
 
 def resimulated_along(
@@ -74,7 +74,7 @@ def resimulated_along(
         pose = shown or pose
         if walk.ended:
             rest += 1
-        if rest > STANDS_S * FPS or number - first > MAX_SECONDS * FPS:
+        if rest > REST_AT_END_S * FPS or number - first > MAX_SECONDS * FPS:
             return None
         requested.append(walk((number - first) / FPS, _place(pose)))
         progress(min(walk.progress / max(float(walk.ends[-1]), 1e-6), 0.99))
@@ -101,7 +101,7 @@ def _corners(path: Array) -> list[int]:
     kept = _bends(path, 0, len(path) - 1)
     corners = [0]
     for a, b in itertools.pairwise(kept):
-        parts = max(round((along[b] - along[a]) / APART_M), 1)
+        parts = max(round((along[b] - along[a]) / WAYPOINT_SPACING_M), 1)
         inner = np.searchsorted(along, np.linspace(along[a], along[b], parts + 1)[1:-1])
         corners += [int(i) for i in inner if i > corners[-1]]
         if b > corners[-1]:
@@ -118,7 +118,7 @@ def _bends(path: Array, a: int, b: int) -> list[int]:
     fraction = np.clip(offset @ line / length**2, 0.0, 1.0)
     away = np.hypot(*(offset - fraction[:, None] * line).T)
     worst = int(np.argmax(away))
-    if away[worst] < BEND_M:
+    if away[worst] < MAX_DEVIATION_M:
         return [a, b]
     middle = a + 1 + worst
     return [*_bends(path, a, middle)[:-1], *_bends(path, middle, b)]

@@ -22,9 +22,9 @@ from runtime.traversal.keyframes import (
     timed,
 )
 
-GRAVITY = 9.81
+GRAVITY_M_PER_S2 = 9.81
 STEP_UP_M = 0.68  # rise up to which the lead foot steps from the ground onto the top
-FARTHEST_END_M = 0.28  # behind the edge, where a climber stands up
+MAX_END_M = 0.28  # behind the edge, where a climber stands up
 LANDING_M = 0.52  # behind the edge, where a character stands up after getting down
 DEEPEST_SQUAT_FROM_M = 1.0  # a deeper squat is impossible for a leg that still stands on the edge
 SHALLOWEST_M, DEEPEST_M = 0.55, 1.5  # range of heights with key poses
@@ -141,8 +141,8 @@ def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
     t_over = t_squat + mix(STEP_OFF_S)
     t_leave = t_over + LEAVE_S[0] + LEAVE_S[1] * jump
     speed = (over - leave) / (t_leave - t_over)  # m/s downwards when the trailing foot leaves the edge
-    landing = sqrt(speed * speed + 2.0 * GRAVITY * max(leave - land, 0.0))
-    t_land = t_leave + (landing - speed) / GRAVITY
+    landing = sqrt(speed * speed + 2.0 * GRAVITY_M_PER_S2 * max(leave - land, 0.0))
+    t_land = t_leave + (landing - speed) / GRAVITY_M_PER_S2
     t_low = t_land + 2.0 * (land - low) / landing
     seconds = t_low + mix(STAND_UP_S)
     # when the trailing foot lands
@@ -153,7 +153,7 @@ def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
     t_middle = 0.5 * (t_leave + t_land)
 
     def fallen(t: float) -> float:
-        return leave - (t - t_leave) * (speed + 0.5 * GRAVITY * (t - t_leave))
+        return leave - (t - t_leave) * (speed + 0.5 * GRAVITY_M_PER_S2 * (t - t_leave))
 
     lowest = LOWEST_ANKLE_M - drop
     hanging = (1.0 - HANGING_LAND_FRACTION) * leave + HANGING_LAND_FRACTION * land - HANGING_LEG_M
@@ -179,7 +179,7 @@ class Climb:
         `depth` is the thickness of a wall's top, unused for a drop; `tempo` above 1 is faster.
         """
         if rise > 0.0:
-            self._motion = _climb(rise, start_z, min(FARTHEST_END_M, 0.5 * depth))
+            self._motion = _climb(rise, start_z, min(MAX_END_M, 0.5 * depth))
         else:
             self._motion = _let_down(-rise, start_z, LANDING_M)
         self._tempo = tempo

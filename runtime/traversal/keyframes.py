@@ -39,7 +39,7 @@ Arm = tuple[int, int, int, int]
 
 LEGS = (leg_bones(0), leg_bones(1))
 SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
-SPINE_SHARES = (0.4, 0.35, 0.25)  # distribution of a lean: most of it low in the back
+SPINE_FRACTIONS = (0.4, 0.35, 0.25)  # distribution of a lean: most of it low in the back
 NECK = tuple(SPORT_SKELETON.index(name) for name in ("Neck", "Neck1"))
 ARMS: tuple[Arm, Arm] = ((17, 18, 19, 20), (24, 25, 26, 27))  # shoulder, upper arm, forearm, hand
 EASY_LEG_M, LEG_SLACK_M = 0.78, 0.035  # of a leg of 0.835 m
@@ -125,7 +125,7 @@ def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
 
 def bend_trunk(local: list[Quaternion], lean: float, twist: float, look: float) -> None:
     """Rotate spine and neck in place (radians): lean forward, twist to the left, and look down."""
-    for joint, fraction in zip(SPINE, SPINE_SHARES, strict=True):
+    for joint, fraction in zip(SPINE, SPINE_FRACTIONS, strict=True):
         local[joint] = multiply(from_vector((fraction * lean, fraction * twist, 0.0)), local[joint])
     for joint in NECK:
         local[joint] = multiply(from_vector((0.5 * look, 0.0, 0.0)), local[joint])
@@ -241,7 +241,7 @@ STANDING_HIPS_M = 0.97  # pelvis height in the middle of a traversal, before its
 EASY_REACH_M, SLACK_M = 0.44, 0.03  # of an arm of 0.478 m
 KNEE_CLEAR_M = 0.06  # of a knee from a wall
 KNEE_TURN_RAD_PER_M, MAX_KNEE_OUT_RAD = 6.0, 1.25  # outwards, per metre inside the wall; limit
-FARTHEST_PULL_M = 0.12  # of the pelvis towards a hand
+MAX_PULL_M = 0.12  # of the pelvis towards a hand
 FADE_S = 0.25  # at both ends: IK takes over from the incoming legs
 
 
@@ -342,7 +342,7 @@ class KeyframedMotion:
             if weight > 0.0:
                 way = subtract((x, y, z), shoulder_frame(mine, side, place)[1])
                 wanted = length(way)
-                over = min(beyond(wanted, EASY_REACH_M, SLACK_M), FARTHEST_PULL_M)
+                over = min(beyond(wanted, EASY_REACH_M, SLACK_M), MAX_PULL_M)
                 place = add(place, scale(way, weight * over / max(wanted, MIN_SIZE)))
         return place
 

@@ -25,29 +25,29 @@ from runtime.traversal.keyframes import TraversalPose
 
 Mask = NDArray[np.bool_]
 
-TOE = np.asarray(SPORT_SKELETON.offsets[LEG_FEET[0] + 1], np.float64)  # from the ankle, on a flat foot
-HIP_DROP = float(-SPORT_SKELETON.offsets[LEG_THIGHS[0], 1])  # from the hips down to the thighs' joints
-LEG = float(-SPORT_SKELETON.offsets[LEG_SHINS[0], 1] - SPORT_SKELETON.offsets[LEG_FEET[0], 1])
+TOE_OFFSET_M = np.asarray(SPORT_SKELETON.offsets[LEG_FEET[0] + 1], np.float64)  # from a flat foot's ankle
+HIP_DROP_M = float(-SPORT_SKELETON.offsets[LEG_THIGHS[0], 1])  # from the hips down to the thighs' joints
+LEG_LENGTH_M = float(-SPORT_SKELETON.offsets[LEG_SHINS[0], 1] - SPORT_SKELETON.offsets[LEG_FEET[0], 1])
 LEG_REACH_FRACTION = 0.995  # of its length that a standing leg spans
-BEHIND_M = 0.42  # distance of the hips before the obstacle, at which the stance foot leaves the ground,
-AHEAD_M = 0.30  # and behind it, at which the lead foot lands
+TAKE_OFF_LEAD_M = 0.42  # of the hips before the obstacle when the stance foot leaves the ground,
+HIPS_LAG_M = 0.30  # and behind it, at which the lead foot lands
 CLEARANCE_M = 0.05  # of soles above edges
 EDGE_M = 0.07  # before and behind an edge, where soles are at that height
 ROLL_M = 0.1  # the lead foot rolls over its toe with the hips this far before it
 TOE_OFF_PITCH_RAD, LANDING_PITCH_RAD = 0.75, -0.2  # pitch of a foot, positive with toes down
 FLATTEN_S = 0.09  # from heel strike to flat foot
-LONGEST_FLIGHT_S = 0.35
+MAX_FLIGHT_S = 0.35
 LATEST_LANDING_FRACTION, MAX_STRIDE_RATIO = 0.68, 1.6  # of the stride; limit of its lengthening
 FLIGHT_S = 0.22  # minimum over a gap
 RISING_S = 0.2  # minimum of the hips' rise over a bar
-LOW_M = 0.2  # the hips fall to ground deeper than this
+MIN_FALL_M = 0.2  # the hips fall to ground deeper than this
 MIN_RISE_FRACTION = 0.15  # minimum part of a swing for a foot's full rise or fall
 LIFT_M = 0.05  # in a swing on level ground
-DEEPEST_M = 0.12  # limit of the hips' lowering for a foot out of reach
-MOST_FRAMES, MEAN_FRAMES = 3, 7  # before and after a frame: window of the maximum, and of its smoothing
+MAX_LOWERING_M = 0.12  # limit of the hips' lowering for a foot out of reach
+MAXIMUM_FRAMES, MEAN_FRAMES = 3, 7  # before and after a frame: window of the maximum, and of its smoothing
 TIMING_ROUNDS = 4  # iterations of lengthening a stride; usually one suffices
 MIN_DURATION_S = 1e-3  # minimum divisor of a duration
-GRAVITY = 9.81
+GRAVITY_M_PER_S2 = 9.81
 # distance (m) of the stance foot before an edge: of a bar, plus height and speed over 1 m/s; of a gap or drop; of a step
 BAR_TAKEOFF_M, TAKEOFF_TOP_FRACTION, TAKEOFF_S, EDGE_TAKEOFF_M, STEP_TAKEOFF_M = 0.22, 0.45, 0.12, 0.16, 0.3
 # distance (m) of the lead foot's landing behind it: of a bar, plus height; of a drop
@@ -102,9 +102,9 @@ class Leap:
         behind = DROP_LANDING_M if kind is ObstacleKind.DOWN else LANDING_M
         if kind is ObstacleKind.BAR:
             behind += LANDING_TOP_FRACTION * top
-        fall = float(np.sqrt(max(-2.0 * beyond, 0.0) / GRAVITY)) if beyond < -LOW_M else 0.0
+        fall = float(np.sqrt(max(-2.0 * beyond, 0.0) / GRAVITY_M_PER_S2)) if beyond < -MIN_FALL_M else 0.0
         self._fall = fall
-        flown = stride.speed * fall + BEHIND_M + AHEAD_M if fall else 0.0
+        flown = stride.speed * fall + TAKE_OFF_LEAD_M + HIPS_LAG_M if fall else 0.0
         self._lead_z = max(length + behind, first[2] + step, first[2] + flown)
         self._stance_z = self._lead_z + step
         self.end_z = self._stance_z - max(
@@ -135,7 +135,7 @@ class Leap:
             self._count = max(round(self.seconds * FPS), 2)
             self._t = self.stride.elapsed + np.arange(self._count + 1) / self._count * self.seconds
             self._root = self._root_path()
-            whole = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t)) / LATEST_LANDING_FRACTION
+            whole = float(np.interp(self._lead_z - HIPS_LAG_M, self._root, self._t)) / LATEST_LANDING_FRACTION
             if whole <= self.stride.seconds + 0.5 / FPS or self.stride.seconds >= MAX_STRIDE_RATIO * wanted:
                 break
             self.stride = replace(self.stride, seconds=min(whole, MAX_STRIDE_RATIO * wanted))
@@ -150,8 +150,8 @@ class Leap:
 
     def _times(self, stance_z: float) -> tuple[float, float]:
         """Return when the stance foot leaves the ground and the lead foot lands."""
-        off = float(np.interp(stance_z + BEHIND_M, self._root, self._t))
-        land = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t))
+        off = float(np.interp(stance_z + TAKE_OFF_LEAD_M, self._root, self._t))
+        land = float(np.interp(self._lead_z - HIPS_LAG_M, self._root, self._t))
         whole, begin = self.stride.seconds, self.stride.elapsed
         soonest = max(land, MIN_LANDING_FRACTION * whole, begin + MIN_SWING_FRACTION * whole)
         land = min(soonest, LATEST_LANDING_FRACTION * whole)
@@ -182,10 +182,10 @@ class Leap:
             up = smoothstep((t - land) / min(HIPS_UP_S_FRACTION * end, end - land))
         else:
             up = smoothstep((t - leaves) / (land + HIPS_DOWN_FRACTION * off - leaves))
-        flight = min(max(land - off, 0.0), LONGEST_FLIGHT_S)
-        high = max(GRAVITY * flight**2 / 8.0, HIGHER_FRACTION * (self.top - LOW_BAR_M))
+        flight = min(max(land - off, 0.0), MAX_FLIGHT_S)
+        high = max(GRAVITY_M_PER_S2 * flight**2 / 8.0, HIGHER_FRACTION * (self.top - LOW_BAR_M))
         middle = 0.5 * (off + land)
-        falling = np.pi * (0.5 * max(high, 0.0) / GRAVITY) ** 0.5  # no faster than free fall
+        falling = np.pi * (0.5 * max(high, 0.0) / GRAVITY_M_PER_S2) ** 0.5  # no faster than free fall
         width = min(max(falling, ARC_FRACTIONS[0] * end), ARC_FRACTIONS[1] * end)
         # a leap that begins late rises later, and each end has its own ground
         before = min(width, max(middle - begin, RISING_S))
@@ -196,12 +196,12 @@ class Leap:
         limit = np.full(len(t), np.inf)
         for plan in self._plans:
             dz = plan.ankle[:, 2] - self._root
-            spans = np.sqrt(np.maximum((LEG_REACH_FRACTION * LEG) ** 2 - dz**2, MIN_SQUARED_SPAN))
-            reach = plan.ankle[:, 1] + spans + HIP_DROP
+            spans = np.sqrt(np.maximum((LEG_REACH_FRACTION * LEG_LENGTH_M) ** 2 - dz**2, MIN_SQUARED_SPAN))
+            reach = plan.ankle[:, 1] + spans + HIP_DROP_M
             limit = np.where(plan.stands, np.minimum(limit, reach - self.stride.hips), limit)
-        lower = np.minimum(np.maximum(rise - limit, 0.0), DEEPEST_M)
+        lower = np.minimum(np.maximum(rise - limit, 0.0), MAX_LOWERING_M)
         # maximum of the neighbouring frames, then smoothed: at least as high, without a jump at a landing
-        most = sliding_window_view(np.pad(lower, MOST_FRAMES, mode="edge"), 2 * MOST_FRAMES + 1).max(-1)
+        most = sliding_window_view(np.pad(lower, MAXIMUM_FRAMES, mode="edge"), 2 * MAXIMUM_FRAMES + 1).max(-1)
         kernel = np.hanning(2 * MEAN_FRAMES + 1)
         spread = np.convolve(np.pad(most, MEAN_FRAMES, mode="edge"), kernel / kernel.sum(), mode="valid")
         fade = smoothstep(np.minimum(t - t[0], end - t) / FADE_S)
@@ -236,7 +236,7 @@ class _FootPlan:
         u = self._swing
         points = [
             (self.ankle, ANKLE_HEIGHT),
-            (self.ankle + rotations.rotate(self.rotation, np.tile(TOE, (len(u), 1))), TOE_HEIGHT),
+            (self.ankle + rotations.rotate(self.rotation, np.tile(TOE_OFFSET_M, (len(u), 1))), TOE_HEIGHT),
         ]
         lack = np.max([profile(p[:, 2]) - (p[:, 1] - rest) for p, rest in points], axis=0)
         lack = np.where((u > 0.0) & (u < 1.0), lack, 0.0)
@@ -259,9 +259,9 @@ def _foot_plan(
     """Plan a foot that stands until `off`, swings, lands at `land` over `goal` (x, ground, z) and rolls from `rolls` on."""
     off, land, rolls = times
     start = np.asarray(stride.ankles[side], np.float64)
-    ahead = rotations.rotate(stride.feet[side], TOE)
+    ahead = rotations.rotate(stride.feet[side], TOE_OFFSET_M)
     yaw = float(np.arctan2(ahead[0], ahead[2]))
-    level = float(np.arctan2(TOE[1], TOE[2]))
+    level = float(np.arctan2(TOE_OFFSET_M[1], TOE_OFFSET_M[2]))
     pitch0 = float(level - np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2])))
     u = np.clip((t - off) / max(land - off, MIN_DURATION_S), 0.0, 1.0)
     flat = smoothstep((t - t[0]) / FLATTEN_S)
@@ -281,9 +281,9 @@ def _foot_plan(
     pitch = np.where(t < off, standing, np.where(t < land, swung, landed))
     over = np.array([goal[0], goal[1] + ANKLE_HEIGHT, goal[2]])
     ankle = _planned_ankle(t, off, land, u, pitch, yaw, start, over)
-    ahead = rotations.rotate(rotations.from_yaw(yaw), TOE)
+    ahead = rotations.rotate(rotations.from_yaw(yaw), TOE_OFFSET_M)
     turned = rotations.multiply(rotations.from_yaw(np.full(len(t), yaw)), _pitched(rolled))
-    ankle = ankle + (ahead - rotations.rotate(turned, np.tile(TOE, (len(t), 1))))  # over its toe
+    ankle = ankle + (ahead - rotations.rotate(turned, np.tile(TOE_OFFSET_M, (len(t), 1))))  # over its toe
     heel = ((t < raised) & (not on_toe)) | ((t >= land) & (t < rolls))
     toe = (t < off) | (t >= land + FLATTEN_S)
     return _FootPlan(ankle, pitch, yaw, u, heel, toe)
@@ -294,7 +294,7 @@ def _planned_ankle(
 ) -> Array:
     """Ankle positions `(T, 3)`: over its toe while standing, smooth in the swing, over `goal` afterwards."""
     turned = rotations.multiply(rotations.from_yaw(np.full(len(t), yaw)), _pitched(pitch))
-    toe = rotations.rotate(turned, np.tile(TOE, (len(t), 1)))
+    toe = rotations.rotate(turned, np.tile(TOE_OFFSET_M, (len(t), 1)))
     on_toe = pitch[0] >= ON_TOE_RAD
     down = start[1] if on_toe else np.minimum(start[1], ANKLE_HEIGHT)
     held = np.array([start[0], down, start[2]]) + toe[0]

@@ -20,8 +20,8 @@ from runtime.traversal.traversal import Traversal
 BEFORE_M = 0.06  # margin of an obstacle that is hidden from the network
 SIGHT_HALF_LIFE_S = 0.1  # of the ground's fading into sight
 ARRIVED_SIGHT_FRACTION = 1e-4  # fraction, and 1/s
-DEEPEST_M = 0.05  # limit of lifting a sole out of the ground,
-LEAST_LIFT_M = 1e-6  # and its minimum: a planned foot is off by rounding only
+MAX_LIFT_M = 0.05  # limit of lifting a sole out of the ground,
+MIN_LIFT_M = 1e-6  # and its minimum: a planned foot is off by rounding only
 FADE_S = 0.3  # in which the difference of the first pose from the traversal's fades
 
 
@@ -65,8 +65,8 @@ def _on_the_ground(hips: Array, local: Array, terrain: Terrain) -> Array:
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     soles = positions[list(SOLE_POINTS)].astype(np.float64)
     lack = terrain.height(soles[:, 0], soles[:, 2]) + np.array(SOLE_HEIGHTS) - soles[:, 1]
-    lift = np.max(np.where(lack < DEEPEST_M, lack, 0.0).reshape(2, 2), axis=1)
-    if lift.max() <= LEAST_LIFT_M:
+    lift = np.max(np.where(lack < MAX_LIFT_M, lack, 0.0).reshape(2, 2), axis=1)
+    if lift.max() <= MIN_LIFT_M:
         return local
     ankles = soles[::2] + np.outer(np.maximum(lift, 0.0), [0.0, 1.0, 0.0])
     return solve_legs(hips, local, ankles, world[LEG_FEET].astype(np.float64))

@@ -31,7 +31,7 @@ from viewer.scene.simulation import STEP_SECONDS, interpolate, steps_of
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 
-FEWEST, MOST = 2, 9
+MIN_CHARACTERS, MAX_CHARACTERS = 2, 9
 FIRST_COUNT = 3  # variants of a view that was just opened
 MIN_PITCH_RAD = 0.3  # rad; from lower, a second row hides behind the first
 GLIDE_HALF_LIFE_S = 0.25  # seconds, of target and distance
@@ -143,7 +143,7 @@ class CompareView:
         """Make variants by prompt and seed, as a step; return whether there is a model to move them, and enough to compare."""
         if not self._ready:
             return False
-        if len(moves) < FEWEST:
+        if len(moves) < MIN_CHARACTERS:
             self.messages.warn("Nothing to compare yet: type another prompt.")
             return False
         variants = tuple(Variant(number, *move) for number, move in enumerate(moves, self._next_number))
@@ -154,7 +154,7 @@ class CompareView:
 
     def add(self) -> None:
         """Add a variant with the live prompt and the next seed."""
-        if len(self.variants) < MOST:
+        if len(self.variants) < MAX_CHARACTERS:
             seed = max((variant.seed for variant in self.variants), default=self._seed - 1) + 1
             more = Variant(self._next_number, self.prompting.prompt, seed)
             label = f"variant {len(self.variants) + 1} added"
@@ -162,7 +162,7 @@ class CompareView:
 
     def remove(self, index: int) -> None:
         """Remove a variant, down to two."""
-        if len(self.variants) > FEWEST:
+        if len(self.variants) > MIN_CHARACTERS:
             rest = self.variants[:index] + self.variants[index + 1 :]
             self.editor.do(f"variant {index + 1} removed", lambda session: replace(session, variants=rest))
 
@@ -218,7 +218,7 @@ class CompareView:
         standing = self._standing
         if not self.open or now.variants == standing:
             return
-        if len(now.variants) < FEWEST:
+        if len(now.variants) < MIN_CHARACTERS:
             self.close()
         elif [v.number for v in now.variants] != [v.number for v in standing]:
             self._stand()

@@ -15,7 +15,7 @@ from viewer.render.camera import Camera
 
 SPACING_M = 1.5  # between neighbours
 ROW_M = 2.2  # between two rows
-LONGEST_ROW = 5
+MAX_ROW_CHARACTERS = 5
 ABOVE_M = 2.15  # the highest point of a character and its name
 FILLED_VIEW_FRACTION = 0.86  # of the view that they fill
 
@@ -25,7 +25,7 @@ def places(count: int, centre: tuple[float, float], heading: float) -> list[tupl
 
     Six and more stand in two rows, the second behind the gaps of the first.
     """
-    rows = [count] if count <= LONGEST_ROW else [(count + 1) // 2, count // 2]
+    rows = [count] if count <= MAX_ROW_CHARACTERS else [(count + 1) // 2, count // 2]
     ahead = np.array([math.sin(heading), math.cos(heading)])
     right = np.array([-ahead[1], ahead[0]])
     found = []

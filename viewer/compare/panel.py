@@ -9,8 +9,8 @@ import numpy as np
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Variant
 from runtime.skeleton import SPORT_SKELETON
-from viewer.compare.compare_view import FEWEST, MOST, CompareView
-from viewer.compare.lineup import LONGEST_ROW, names, weight_of
+from viewer.compare.compare_view import MAX_CHARACTERS, MIN_CHARACTERS, CompareView
+from viewer.compare.lineup import MAX_ROW_CHARACTERS, names, weight_of
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -54,7 +54,7 @@ def draw(compare: CompareView) -> None:
 def _lineups(compare: CompareView) -> None:
     widgets.muted("One stick drives all. Click one to keep it.", wrap=True)
     blends = compare.blends if compare.prompting.prompt.b else None
-    enough = len(compare.settings.prompt_history) >= FEWEST
+    enough = len(compare.settings.prompt_history) >= MIN_CHARACTERS
     widgets.buttons(
         ("Seeds", "The live prompt, with a seed for each", compare.seeds),
         ("Blend", "From prompt A to prompt B in equal steps", blends),
@@ -82,7 +82,7 @@ def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool
     rest = imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4)
     keep = widgets.button(f"{ICON.check} Keep", rest, "Make this the live character, with its prompt")
     widgets.same_line()
-    more = len(compare.variants) > FEWEST
+    more = len(compare.variants) > MIN_CHARACTERS
     remove = widgets.icon_button(ICON.close, "remove", "Remove this one", theme.MUTED, more)
     return keep, remove
 
@@ -110,7 +110,7 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
 
 
 def _buttons(compare: CompareView) -> None:
-    add = compare.add if len(compare.variants) < MOST else None
+    add = compare.add if len(compare.variants) < MAX_CHARACTERS else None
     widgets.buttons(
         (f"{ICON.plus} Add", "Add a character: the live prompt, the next seed", add),
         ("Line up", "Line them up again (Home)", compare.line_up),
@@ -161,7 +161,7 @@ def _draw_name(
             f"{index + 1}", *name, (px(MAX_NAME_PX) if hovered else width) - 2 * px(NAME_PADDING_PX)
         )
     # of two rows the first has its names under the feet: over the heads they would cover the second
-    if foot is not None and index < (count + 1) // 2 and count > LONGEST_ROW:
+    if foot is not None and index < (count + 1) // 2 and count > MAX_ROW_CHARACTERS:
         head = foot[0], foot[1] + 2.0 * imgui.get_text_line_height()
     _label(text, head, hovered, view)
 

@@ -30,7 +30,7 @@ from viewer.settings import remembered
 CHARACTER, VIDEO = Slot("reference character"), Slot("reference video")
 FRAMES = Slot("frames of the reference")
 MAX_BONES = 250
-LONGEST_M = 1.2  # longer bones are gaps, such as from a scene's origin to the hips
+MAX_BONE_M = 1.2  # longer bones are gaps, such as from a scene's origin to the hips
 WAIST_BONE_FRACTION, THICKNESS_BONE_FRACTION = 0.18, 0.11  # of a spindle's length
 THINNEST_M, THICKEST_M = 0.006, 0.04
 COLOR = (0.55, 0.33, 0.06)  # linear; amber, unlike any character or ground
@@ -280,7 +280,7 @@ class Bones:
         side = np.cross(up, helper)
         side /= np.linalg.norm(side, axis=1, keepdims=True)
         thick = np.clip(length * THICKNESS_BONE_FRACTION, THINNEST_M, THICKEST_M)[:, None]
-        shown = (length <= LONGEST_M)[:, None]  # shrunk to nothing otherwise
+        shown = (length <= MAX_BONE_M)[:, None]  # shrunk to nothing otherwise
         made = np.zeros((len(up), 4, 4), np.float32)
         made[:, :3, 0], made[:, :3, 1] = side * thick * shown, along * shown
         made[:, :3, 2], made[:, :3, 3] = np.cross(side, up) * thick * shown, start

@@ -16,7 +16,7 @@ from runtime.errors import FileError
 from runtime.safe_read import open_regular, reason
 
 SUFFIXES = (".mp4", ".mov", ".m4v", ".webm", ".mkv", ".avi", ".gif", ".webp")
-MAX_SIDE = 640  # larger pictures are scaled down
+MAX_SIDE_PX = 640  # larger pictures are scaled down
 MAX_PICTURES, MAX_SECONDS = 7200, 240.0  # limits of what is read
 MAX_KEPT_BYTES = 200 * 1024 * 1024  # of all pictures
 MAX_SOURCE_PIXELS = 1 << 24  # per picture: the decoder holds several
@@ -85,7 +85,7 @@ def _read_pictures(path: Path, made: list[tuple[float, bytes, tuple[int, int]]])
 
 
 def _small(image: Any) -> tuple[bytes, tuple[int, int]]:
-    image.thumbnail((MAX_SIDE, MAX_SIDE))
+    image.thumbnail((MAX_SIDE_PX, MAX_SIDE_PX))
     file = io.BytesIO()
     image.convert("RGB").save(file, "JPEG", quality=JPEG_QUALITY)
     return file.getvalue(), image.size

@@ -17,7 +17,7 @@ from runtime.prompts.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
-BROAD = 5  # an entry that defines this many parts is a whole figure or scene
+WHOLE_FIGURE_PARTS = 5  # an entry that defines this many parts is a whole figure or scene
 TEMPERATURE = 0.06  # of the softmax over the similarities of neighbours
 # Priority of entries that define the same part: physical constraints before feelings.
 _ORDER = (
@@ -60,7 +60,7 @@ def compose_elements(
     best. Without a figure the strongest entry defines the whole body, unless it is "slightly".
     """
     chosen = _without_mentioned([e for e in elements if not e.only], entries)
-    figures = [e for e in chosen if len(entries[e.entry].defines) >= BROAD]
+    figures = [e for e in chosen if len(entries[e.entry].defines) >= WHOLE_FIGURE_PARTS]
     modifiers = [e for e in chosen if e not in figures]
     sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
     if figures:

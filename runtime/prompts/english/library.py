@@ -63,7 +63,7 @@ PLAIN_PENALTY_SCORE = 0.2  # of neutral entries, which are similar to any prompt
 ANIMAL_MARGIN_SCORE = 0.25  # allowed below a bodily score of 0 if an animal is named: "a dog after a bath"
 # penalty on a sentence that no walk shows
 UNSEEN_PENALTY_FRACTION = 0.15
-NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
+MAX_NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
 SAME_GESTURE_COSINE = 0.66  # between two sentences of an arm that describe the same gesture
 MAX_STRETCHES = 4  # embedded per prompt
 _OF_ONE_ARM = re.compile(r"\b(?:left|right|one)\b")
@@ -104,7 +104,7 @@ class LibraryExpander:
         library = self._library
         whole = library.phrases.whole(prompt)
         if whole is not None:
-            others = [(i, s) for i, s in self._rank(prompt) if i != whole][:NEIGHBOURS]
+            others = [(i, s) for i, s in self._rank(prompt) if i != whole][:MAX_NEIGHBOURS]
             return self._expansion(whole, self._near([(whole, 1.0), *others]), {}, "")
         if is_foreign(prompt, library.phrases.known):
             return self._in_another_language(prompt)
@@ -221,7 +221,7 @@ class LibraryExpander:
             return self._neutral(near, stated, f"{reason} {note}".strip())
         if best >= NEAR_COSINE:
             return self._expansion(entries[ranked[0][0]].descriptions, near, stated, note)
-        chosen = compose_neighbours(ranked[:NEIGHBOURS], self._library.embeddings, self._worth)
+        chosen = compose_neighbours(ranked[:MAX_NEIGHBOURS], self._library.embeddings, self._worth)
         parts = sources_note(chosen, self._library.entries, dict(ranked))
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
         return self._expansion(words_of_parts(chosen, entries), near, stated, note)
@@ -340,7 +340,7 @@ class LibraryExpander:
         by_entry = np.full(len(self._library.entries), -1.0, np.float32)
         np.maximum.at(by_entry, embeddings.entry_of, similarity)
         by_entry[self._library.plain] -= PLAIN_PENALTY_SCORE
-        order = np.argsort(-by_entry, kind="stable")[: NEIGHBOURS + 1]
+        order = np.argsort(-by_entry, kind="stable")[: MAX_NEIGHBOURS + 1]
         return [(int(i), float(np.clip(by_entry[i], -1.0, 1.0))) for i in order]
 
     def _near(self, ranked: list[tuple[int, float]]) -> Near:

@@ -20,7 +20,7 @@ from runtime.safe_read import open_npz
 
 FILE = "languages.npz"  # next to library.json
 NEAR_COSINE = 0.38  # centred cosine above which an entry is used, tuned on 35 prompts in 11 languages
-SAID_ALIKE = 4  # limit of prompts per entry that are compared
+MAX_NAMES = 4  # limit of prompts per entry that are compared
 
 
 class OtherLanguages:
@@ -80,7 +80,7 @@ def save_languages(folder: Path, library: PromptLibrary) -> Path | None:
     encoder = open_e5()
     if encoder is None:
         return None
-    prompts = [(i, text) for i, e in enumerate(library.entries) for text in (e.prompt, *e.also)[:SAID_ALIKE]]
+    prompts = [(i, text) for i, e in enumerate(library.entries) for text in (e.prompt, *e.also)[:MAX_NAMES]]
     vectors = np.stack([encoder.query(text) for _, text in prompts])
     return _save(folder, library, vectors, [i for i, _ in prompts])
 

@@ -28,7 +28,7 @@ from runtime.prompts.english.words import (
 from runtime.prompts.library_data import NEUTRAL_STYLE, LibraryEntry, PromptLibrary
 
 _SIMILE = re.compile(r"\b(?:as )?(?P<adjective>\w+) as (?:an? |the )?(?P<thing>\w+)\b(?! (?:if|though))")
-LONGEST = 9  # words of a phrase
+MAX_PHRASE_WORDS = 9  # words of a phrase
 FIGURES = ("characters", "animals", "occupations")  # categories that say who walks
 _THINGS = ("weather", "ground", "loads")
 _QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories that say in which state
@@ -84,7 +84,7 @@ class PhraseIndex:
             words = words_of(text)
             self._whole.setdefault(key(words), number)
             plain_walk = library.entries[number].style.startswith(NEUTRAL_STYLE)
-            if len(words) <= LONGEST and (_says(words) or (len(words) > 1 and not plain_walk)):
+            if len(words) <= MAX_PHRASE_WORDS and (_says(words) or (len(words) > 1 and not plain_walk)):
                 self._phrases.setdefault(tuple(word.stem for word in words), number)
         for number, entry in enumerate(library.entries):  # exact names come first
             self._whole.setdefault(key(without_person(words_of(entry.prompt))), number)
@@ -122,7 +122,7 @@ class PhraseIndex:
         alone = sum(word.says for word in words) <= 1
         for start in range(len(words) - 1, -1, -1):
             gain[start] = gain[start + 1]
-            for end in range(start + 1, min(start + LONGEST, len(words)) + 1):
+            for end in range(start + 1, min(start + MAX_PHRASE_WORDS, len(words)) + 1):
                 entry = self._entry_of(words[start:end], alone)
                 found = max(sum(word.says for word in words[start:end]), 0.5) - 0.1 + gain[end]
                 if entry is not None and found > gain[start]:

@@ -9,8 +9,8 @@ from functools import cached_property
 
 from runtime.prompts.english.words import word_set
 
-SHORTEST = 5  # letters of a word that is corrected: shorter words have too many neighbours
-SHORTEST_CHANGED = 8  # where a letter is substituted: "lugging" is not "lagging"
+MIN_CORRECTED_LETTERS = 5  # letters of a word that is corrected: shorter words have too many neighbours
+MIN_SUBSTITUTED_LETTERS = 8  # where a letter is substituted: "lugging" is not "lagging"
 
 
 # The most frequent short words of languages in Latin script that are not English words.
@@ -72,7 +72,7 @@ class Spelling:
     def nearest(self, word: str) -> str | None:
         """Return the known word one letter away from a lower-case word, or None if the word is not a typing error."""
         right = word in self._right or self._inflected(word)
-        if right or len(word) < SHORTEST or not word.isascii():
+        if right or len(word) < MIN_CORRECTED_LETTERS or not word.isascii():
             return None
         found = {known for form in (word, *_shortened(word)) for known in self._forms.get(form, ())}
         near = [known for known in found if known[0] == word[0] and _one_off(word, known)]
@@ -89,7 +89,7 @@ class Spelling:
         """Every known word, indexed by itself and by each form with one letter deleted."""
         forms: dict[str, tuple[str, ...]] = {}
         for word in sorted(self._known):
-            if len(word) >= SHORTEST and word.isalpha():
+            if len(word) >= MIN_CORRECTED_LETTERS and word.isalpha():
                 for form in (word, *_shortened(word)):
                     forms[form] = (*forms.get(form, ()), word)
         return forms
@@ -107,7 +107,7 @@ def _one_off(one: str, other: str) -> bool:
     if len(different) == 2:
         i, j = different
         return j == i + 1 and one[i] == other[j] and one[j] == other[i]
-    return len(different) == 1 and len(one) >= SHORTEST_CHANGED
+    return len(different) == 1 and len(one) >= MIN_SUBSTITUTED_LETTERS
 
 
 def is_foreign(text: str, known: frozenset[str]) -> bool:

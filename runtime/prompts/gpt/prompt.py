@@ -26,7 +26,7 @@ Message = dict[str, str]
 LISTS = ("joints", "verbs", "adverbs", "adjectives")  # as in the paper
 CONNECTIVES = "connectives"  # function words; read with the lists, not printed
 MAX_ANSWER_CHARACTERS = 8000
-LEAST_ENGLISH = 1 / 3  # fraction of words that are in the vocabulary; the shipped descriptions have 0.98
+MIN_ENGLISH_FRACTION = 1 / 3  # of words that are in the vocabulary; the shipped descriptions have 0.98
 
 _SPECIFICATION = """\
 You describe how a person's body parts move and are held while that person walks about in a given style.
@@ -78,7 +78,7 @@ class StructuredPrompt:
         descriptions = PartDescriptions.from_mapping(_object(answer))
         known = self._known
         words = re.findall(r"[^\W\d_]+", " ".join(descriptions.as_tuple()).lower())
-        if sum(word in known for word in words) < LEAST_ENGLISH * len(words) or not words:
+        if sum(word in known for word in words) < MIN_ENGLISH_FRACTION * len(words) or not words:
             raise PromptError("the descriptions are not in English, in words of the lists.")
         return descriptions
 

@@ -24,7 +24,7 @@ from runtime.takes.pins import parse_pins
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.pose_layer import Curve, PoseKey, PoseLayer, added
 
-FRAMES, SPEED = 180, 0.6  # of `walk`
+FRAMES, SPEED_M_PER_S = 180, 0.6  # of `walk`
 LEFT_HAND, HEAD, LEFT_FOOT = (SPORT_SKELETON.index(name) for name in ("LeftHand", "Head", "LeftFoot"))
 
 

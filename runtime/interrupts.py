@@ -33,7 +33,7 @@ class _Unfinished:
     def __init__(self) -> None:
         self.actions: dict[object, Callable[[], object]] = {}
         self.ending = False
-        self.remark = "what was unfinished is removed"  # of the sentence
+        self.remark = "unfinished files were removed"  # of the sentence
 
     def undo(self) -> None:
         """Call all registered actions, the last one first; a failing action is reported and does not stop the others."""

@@ -155,13 +155,13 @@ def _number(hint: Any, value: Tree, path: str, metadata: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int if hint is int else int | float):
         raise _error(path, "expected a whole number" if hint is int else "expected a number")
     if not abs(value) <= metadata.get("most", MAX_NUMBER):
-        raise _error(path, "a number that no character reaches")
+        raise _error(path, "a number out of range")
     return value if hint is int else float(value)
 
 
 def _array(value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata: Any) -> np.ndarray:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < len(arrays):
-        raise _error(path, "names no array")
+        raise _error(path, "refers to no array")
     array = arrays[value]
     shape = metadata["whole"] if "whole" in metadata else (1, *metadata["shape"])
     kind = np.dtype(metadata.get("dtype", np.float64))
@@ -170,5 +170,5 @@ def _array(value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata
     if array.dtype != kind:
         raise _error(path, f"kind {array.dtype}, expected {kind}")
     if kind.kind == "f" and not (np.abs(array) <= metadata.get("most", MAX_NUMBER)).all():
-        raise _error(path, "numbers that no character reaches")
+        raise _error(path, "numbers out of range")
     return array.copy()

@@ -86,7 +86,7 @@ def _outputs(options: argparse.Namespace) -> list[Path]:
         raise UsageError(f" {options.variants}: expected 1 to {MAX_VARIANTS}.", "Try 3.", "variants")
     if options.variants > 1 and options.ground_out is not None:
         raise UsageError(
-            " with --variants: all stand on the same ground.", "Leave one of the two out.", "ground_out"
+            " with --variants: all clips use the same ground.", "Leave one of the two out.", "ground_out"
         )
     if options.variants == 1:
         return [options.out]
@@ -101,7 +101,7 @@ def _controls(options: argparse.Namespace) -> tuple[StickScript | None, float]:
         return None, 10.0 if options.seconds is None else options.seconds
     for name in ("path", "gait", "speed"):
         if getattr(options, name) is not None:
-            raise UsageError(": the script of --controls has it.", "Leave one of the two out.", name)
+            raise UsageError(": --controls already sets it.", "Leave one of the two out.", name)
     script = parse_stick(options.controls)
     return script, script.seconds if options.seconds is None else options.seconds
 

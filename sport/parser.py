@@ -10,7 +10,7 @@ from runtime.errors import UsageError
 from sport.commands import bench, convert, generate, restyle, training, view
 from sport.commands.arguments import export_arguments
 
-_DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
+_DESCRIPTION = "Type a prompt, drive the character over uneven ground, export the clip as BVH."
 _EXAMPLES = """examples:
   sport                                                    open the viewer
   sport view --terrain stairs --prompt "an exhausted soldier, left arm hanging"

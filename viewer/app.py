@@ -174,7 +174,7 @@ class App(Workspace):
 
     def _overlays_of(self, others: list[Pose]) -> Overlays:
         """Return what lies over the view; `others` stand beside the first of the compared characters."""
-        with self.defects.guarded("drawing what lies over the view", self.close_tools):
+        with self.defects.guarded("drawing the overlays", self.close_tools):
             live = None if self.takes.playback is not None or others else self.scene.controller
             return self.overlays(live, others)
         return Overlays()
@@ -201,12 +201,12 @@ class App(Workspace):
     def _poll(self, dt: float, intent: Intent) -> None:
         moving = intent.move != (0.0, 0.0)
         for doing, poll, close in (
-            ("taking the results of workers", self.jobs.deliver, None),
-            ("taking the answer to a prompt", self.prompting.poll, None),
+            ("collecting the results of workers", self.jobs.deliver, None),
+            ("reading the answer to a prompt", self.prompting.poll, None),
             ("polling the pins", self.pins.poll, self.pins.close),
             ("polling the path", self.path.poll, self.path.stop),
             ("polling the session", self.sessions.poll, None),
-            ("watching the first steps", lambda: self.guide.watch(dt, moving), self.guide.skip),
+            ("updating the guide", lambda: self.guide.watch(dt, moving), self.guide.skip),
         ):
             with self.defects.guarded(doing, close or (lambda: None)):
                 poll()

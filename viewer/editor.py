@@ -172,7 +172,7 @@ class Editor:
         label, present = self.history.undo_label, self.history.present
         if present.awaited:
             self._abandon(present.number)
-            self.messages.note(f"Undone: {label}, before it was done.")
+            self.messages.note(f"Undone: {label}, before it had finished.")
         elif self._go(-1):
             self.messages.note(f"Undone: {label}. Ctrl+Y redoes it.")
         else:

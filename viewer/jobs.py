@@ -240,10 +240,10 @@ def _for_animators(job: _Job, error: Exception) -> SportError:
         return SportError(f"{job.words}: not enough memory.", "Close other programs, or use a smaller file.")
     if job.reading:
         return SportError(
-            f"{job.reading} cannot be read: it is damaged, empty, or not what its ending says.",
-            "Write it again with the program that made it.",
+            f"{job.reading} cannot be read: it is damaged, empty, or has the wrong ending.",
+            "Export it again from the program that made it.",
         )
     return SportError(
-        f"{job.words}: this failed inside the program ({type(error).__name__}).",
-        "Please report this defect with the log.",
+        f"{job.words}: internal error ({type(error).__name__}).",
+        "Please report it with the log.",
     )

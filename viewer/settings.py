@@ -79,7 +79,7 @@ class Settings:
         False, label="Contacts", hint="Which heels and toes stand on the ground (F4)"
     )
     show_ghosts: bool = specified(
-        False, label="Ghosts", hint="Poses before the one shown, of a take also after it"
+        False, label="Ghosts", hint="Poses before the one shown; in a take also after it"
     )
     show_trails: bool = specified(
         False, label="Trails", hint="Lines of hands, feet, head and hips, blue where slow, red where fast"
@@ -89,7 +89,7 @@ class Settings:
     )
     temperature: float = specified(
         TEMPERATURE, 0.0, 2.0, label="%.2f",
-        hint="Temperature of the sampler: 0 always moves alike, 1 as widely as the capture, more is livelier",
+        hint="Temperature of the sampler: 0 always moves the same, 1 varies as the captures do, more is livelier",
     )  # fmt: skip
     response: float = specified(
         0.0, 0.0, 1.0, label="%.0f %%", factor=100.0, whole=True,
@@ -97,14 +97,14 @@ class Settings:
     )  # fmt: skip
     strength: float = specified(
         1.0, 0.0, 1.5, label="strength %.0f %%", factor=100.0, whole=True,
-        hint="How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it",
+        hint="Style strength: 0 is plain walking, more than 100 exaggerates the style",
     )  # fmt: skip
     vmc_root: bool = specified(
         False, label="Way on the root", hint="/VMC/Ext/Root/Pos goes over the ground; the hips stay above it"
     )
     exact_legs: bool = specified(
         True, label="Exact edits",
-        hint="Edits add what the network does not show of legs, trunk and arms: line of the feet, hips, heels,\nknees, lean, sway, elbows, swing, places of hands. Off: the network alone",
+        hint="Body edits add what the network does not show of a prompt: line of the feet, hips, heels,\nknees, lean, sway, elbows, swing, places of hands. Off: the network alone",
     )  # fmt: skip
     blend_seconds: float = specified(
         0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,

@@ -126,7 +126,7 @@ class Shell:
         """Show which window has the keyboard focus."""
         who = self.focus.holder.removesuffix(OVER) if self.focus.holder in self.focus.windows else "A panel"
         self.messages.post(
-            f"{who} has the keyboard: Esc or a click on the view returns it.", Level.NOTE, _KEYS
+            f"{who} has keyboard focus: Esc or a click on the view returns it.", Level.NOTE, _KEYS
         )
 
     def arrange(self, scale: float) -> None:
@@ -243,20 +243,20 @@ class Shell:
         driven_by = (f"{icon} {device[:24]}", "The device that drives the character")
         keyed = scene.simulation.keyed
         if keyed:
-            hint = "Legs and hips follow keys over this obstacle, not the network"
+            hint = "Legs and hips are keyframed over this obstacle"
             driven_by = f"{ICON.walk} keyed: {keyed}", hint
         if not self.state.clocked:
-            return [(model, "The motion model and what runs it"), driven_by]
-        memory = [(f"{stats.memory_mb:.0f} MB", "Memory of the program, with every take of the list")]
+            return [(model, "The motion model and its execution provider"), driven_by]
+        memory = [(f"{stats.memory_mb:.0f} MB", "Memory of the program, with all takes")]
         return [
             *(memory if stats.memory_mb else ()),
-            (model, "The motion model and what runs it"),
+            (model, "The motion model and its execution provider"),
             (f"model {scene.simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
-            (f"frame {stats.frame_ms:.0f} ms", "Work of one displayed frame"),
-            (f"{stats.fps:.0f} fps", "Frames shown a second, by the clock"),
+            (f"frame {stats.frame_ms:.0f} ms", "Time to prepare one displayed frame"),
+            (f"{stats.fps:.0f} fps", "Displayed frames per second"),
             (
                 f"sim {stats.steps_per_s:.0f} Hz",
-                "Steps of the simulation a second, by the clock; 60 is real time",
+                "Simulation steps per second; 60 is real time",
             ),
             driven_by,
         ]

@@ -77,7 +77,7 @@ def open_character(path: Path) -> tuple[GltfFile, str]:
         return file, ""
     _drop_skins(file, nodes.nearest(others), others)
     names = [printable(body.name)[:60] for body in known]
-    return file, f"{path.name}: {len(names)} bodies; {names[0]} is taken, not {', '.join(names[1:7])}."
+    return file, f"{path.name}: {len(names)} bodies; {names[0]} is used, not {', '.join(names[1:7])}."
 
 
 def _drop_skins(file: GltfFile, inside: list[int], others: set[int]) -> None:

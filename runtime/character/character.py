@@ -146,7 +146,7 @@ def _size_note(file: GltfFile, character: Character, vertices: AnyArray, unit: s
     taken = (
         f"{file.path.name}: {high:.4g} units high, taken as {high * character.size / alignment.units:.2f} m"
     )
-    return f"{taken}; --character-unit m, cm, mm or in says another unit."
+    return f"{taken}; --character-unit m, cm, mm or in sets another unit."
 
 
 def file_unit(vertices: AnyArray) -> float | None:

@@ -18,7 +18,7 @@ from runtime.errors import FileError
 from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON
 
 NO_JOINTS: Mapping[str, int] = {}
-BY_TREE = "tree and rest pose"
+BY_TREE = "hierarchy and rest pose"
 STILL_RAD = 0.01  # a joint that rotates less in a whole motion does not move
 SIDES = ("Left", "Right")
 # the mirrored joint of each joint
@@ -77,7 +77,7 @@ def require(path: Path, guess: JointGuess) -> None:
 
 def _not_upright(path: Path) -> FileError:
     return NotUpright(
-        f"{path}: it stands on four legs; characters here have two legs and two arms.",
+        f"{path}: it stands on four legs; characters need two legs and two arms.",
         "Choose a human or humanoid character.",
     )
 
@@ -154,7 +154,7 @@ def _by_names(by_name: dict[str, int], convention: str, origin: str) -> list[tup
     if not all(name in by_name for name in REQUIRED):
         return []
     exchanged = {OTHER_SIDE[joint]: k for joint, k in by_name.items()}
-    return [(by_name, origin), (exchanged, f"{convention}, left and right exchanged")]
+    return [(by_name, origin), (exchanged, f"{convention}, left and right swapped")]
 
 
 def _missing(found: Mapping[str, int]) -> tuple[str, ...]:
@@ -190,7 +190,7 @@ def refusals(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
         if len(spans) == 2 and spans[shorter] < (1.0 - MAX_UNEVEN_FRACTION) * max(spans.values()):
             wrong[shorter + bones[0]] = f"this {limb} is much shorter than the other one"
     swapped = [side + bone for bone in _swapped(found, tree) for side in SIDES]
-    return wrong | dict.fromkeys(swapped, "it is on the other side, as the feet point")
+    return wrong | dict.fromkeys(swapped, "it is on the wrong side for the direction of the feet")
 
 
 def _limb(

@@ -97,7 +97,7 @@ def _check_meshopt(view: Any, packed: Any) -> None:
     if type(count) is not int or count < 1 or (mode == "TRIANGLES" and count % 3):
         raise ValueError(f"count {str(count)[:20]}")
     if view.byteLength != count * stride:
-        raise ValueError("the size of a buffer view is not that of its elements")
+        raise ValueError("the size of a buffer view does not match its elements")
 
 
 def _draco_primitives(gltf: Any) -> list[Any]:

@@ -172,7 +172,7 @@ class _Hierarchy:
         if tokens[1:2] != [str(len(channels))]:
             raise self._error("CHANNELS count or names are wrong")
         if len(set(channels)) != len(channels):
-            raise self._error("a channel stands twice in CHANNELS")
+            raise self._error("a channel occurs twice in CHANNELS")
         self.channels[-1] = channels
         return 2 + len(channels)
 
@@ -194,7 +194,7 @@ def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
         raise FileError(f"{name}: too few MOTION values for a frame of {width} channels.", _REMEDY)
     if rows != len(motion.positions):
         motion, _ = _read_rows(h, data, at, name, rows, frame_seconds)
-    cut = " and a part of one, which is left out" if rest else ""
+    cut = " and a partial one, which is ignored" if rest else ""
     return replace(motion, note=f"{name}: the file says {str(count)[:20]} frames and has {rows}{cut}.")
 
 

@@ -248,7 +248,7 @@ def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
     for (label, (entry, body)), most in zip(listed.items(), later, strict=True):
         keys += _key_count(nodes.file, entry)
         if keys > _room(nodes.file):
-            raise nodes.file.error("more keys than a file of its size has.", KEYS_REMEDY)
+            raise nodes.file.error("more keys than a file of its size can hold.", KEYS_REMEDY)
         read.append(_animation(nodes, label, entry, body))
         looked_at += len(nodes.parents) + CHANNEL_COST * (1 + len(entry.channels or []))
         moved = max(moved, read[-1].moved)

@@ -43,7 +43,7 @@ class ReferenceMotion:
 
     def describe(self) -> str:
         """Return a phrase for the user: how many joints were found, and how."""
-        return f", another skeleton: {self.joints} of {J} joints by {self.origin}, a reference to look at"
+        return f", another skeleton: {self.joints} of {J} joints by {self.origin}, retargeted as a reference"
 
 
 @dataclass(frozen=True)
@@ -132,9 +132,9 @@ def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Res
         if not guess.missing and _stands(guess.found, at):
             return _Rest(guess, turns, points)
         missing = f"no joints found for {', '.join(guess.missing)}"
-        problems.append(missing if guess.missing else "neither rest pose nor first frame stands")
+        problems.append(missing if guess.missing else "neither rest pose nor first frame is upright")
     raise FileError(
-        f"{path}: a motion of another skeleton, and {problems[-1]}: it cannot be played as reference.",
+        f"{path}: a motion of another skeleton, and {problems[-1]}: it cannot be retargeted.",
         f"Name its joints in {joint_map_path(path).name} next to it, or export it with a T-pose as rest pose.",
     )
 

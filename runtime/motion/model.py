@@ -174,7 +174,7 @@ class MotionModel:
         path = self.folder / "style.onnx"
         bias, weight, content_bias, speeds = run_graph(self._style, path, None, {"z": drawn})
         if not np.isfinite(speeds).all():
-            raise ModelError(f"{path}: gives speeds that are not finite.", "Choose another model.")
+            raise ModelError(f"{path}: returns speeds that are not finite.", "Choose another model.")
         walk, jog = (
             float(np.clip(speeds[0], *WALK_RANGE_M_PER_S)),
             float(np.clip(speeds[1], *JOG_RANGE_M_PER_S)),
@@ -271,7 +271,7 @@ def _strength(
         fits = False
     if not fits:
         raise ModelError(
-            f"{folder / 'metadata.json'}: field 'strength' is no neutral style {shape} with a default of "
+            f"{folder / 'metadata.json'}: field 'strength' is not a neutral style {shape} with a default of "
             f"{MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
             "Export the model again.",
         )
@@ -318,7 +318,7 @@ def load_model(folder: Path | str | None = None, threads: int = 1, precision: st
     for found in entry_points(group=KINDS, name=kind):
         return cast(MotionModel, found.load()(folder, metadata))
     raise ModelError(
-        f"{folder}: nothing installed plays a model of the kind '{kind}'.", "Install the program again."
+        f"{folder}: no installed package runs a model of the kind '{kind}'.", "Install the program again."
     )
 
 

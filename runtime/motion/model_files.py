@@ -112,7 +112,7 @@ def _check_metadata(path: Path, metadata: Any) -> None:
 
 def _check_names(path: Path, name: Any, joints: list[Any]) -> None:
     if not is_text(name) or len(name) > MAX_NAME:
-        raise ModelError(f"{path}: field 'name' is no name of up to {MAX_NAME} characters.", REMEDY)
+        raise ModelError(f"{path}: field 'name' is not a name of up to {MAX_NAME} characters.", REMEDY)
     if tuple(joints) != SPORT_SKELETON.names:
         raise ModelError(f"{path}: field 'joints' names another skeleton.", REMEDY)
 
@@ -126,10 +126,10 @@ def _check_config(path: Path, config: dict[str, Any]) -> None:
         )
     experts = config.get("experts")
     if type(experts) is not int or not 1 <= experts <= MAX_EXPERTS:
-        raise ModelError(f"{path}: field 'config.experts' is no number of experts.", REMEDY)
+        raise ModelError(f"{path}: field 'config.experts' is not a number of experts.", REMEDY)
     size = config.get("style_size", USUAL_STYLE_SIZE)
     if type(size) is not int or not len(PART_NAMES) <= size <= len(PART_NAMES) * MAX_CODE_SIZE:
-        raise ModelError(f"{path}: field 'config.style_size' is no size of six codes.", REMEDY)
+        raise ModelError(f"{path}: field 'config.style_size' is not a size of six codes.", REMEDY)
 
 
 def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:

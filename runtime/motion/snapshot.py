@@ -139,7 +139,7 @@ def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
     limits = (("seconds", MAX_BLEND_S), ("progress", 1.0), ("strength", MAX_STRENGTH_RATIO))
     numbers = [read_number(tree[name], most) for name, most in limits]
     if (numbers[1] < 1.0 and numbers[0] <= 0.0) or numbers[1] < 0.0:
-        raise ValueError("a blend that takes no time")
+        raise ValueError("a blend without duration")
     start = tree["start"]
     begun = _mix(start, arrays) if "codes" in start else _folded(start, arrays)
     return StyleCodes(begun, _mix(tree["goal"], arrays), *numbers)
@@ -149,7 +149,7 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     """Return a folded style; whether its shapes fit the model is checked by `restore`."""
     folded = [arrays[int(tree[name])] for name in FOLDED_FIELDS]
     if any(array.dtype != np.float32 or not (np.abs(array) <= MAX_CODE_VALUE).all() for array in folded):
-        raise ValueError("weights that no style has")
+        raise ValueError("invalid style weights")
     z, front_bias, content_weight, content_bias, rest = folded
     walk, jog = (read_number(tree[name], MAX_SPEED_M_PER_S) for name in ("walk_speed", "jog_speed"))
     edits = checked_targets(arrays[int(_edits(tree))])
@@ -161,14 +161,14 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     opposite = _folded(tree["opposite"] | {"opposite": None}, arrays)
     limbs = tuple(read_number(fraction, MAX_MIX_WEIGHT) for fraction in tree["limbs"])
     if len(limbs) != LIMBS:
-        raise ValueError("limbs that no body has")
+        raise ValueError("invalid limb weights")
     return replace(made, mirrored=tree["mirrored"] is True, opposite=opposite, limbs=limbs)
 
 
 def _gains(values: Any) -> tuple[float, ...]:
     gains = tuple(read_number(value, MOST_GAIN) for value in values)
     if len(gains) != len(SWINGS):
-        raise ValueError("swings that no body has")
+        raise ValueError("invalid swing gains")
     return gains
 
 
@@ -181,7 +181,7 @@ def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
     fractions = [read_number(fraction, MAX_MIX_WEIGHT) for fraction in tree["weights"]]
     fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
     if not fits or not 1 <= len(codes) <= MAX_MIX_CODES or not (np.abs(codes) <= MAX_CODE_VALUE).all():
-        raise ValueError("codes that no style has")
+        raise ValueError("invalid style codes")
     return StyleMix(tuple(fractions), tuple(codes), checked_targets(_edits(tree)))
 
 
@@ -194,7 +194,7 @@ def _arrays(data: bytes) -> dict[str, np.ndarray]:
                 content = stream.read(left + 1)
             left -= len(content)
             if left < 0:
-                raise ValueError("it unfolds to too much")
+                raise ValueError("too large when unpacked")
             arrays[member.filename.removesuffix(".npy")] = _array(content)
     return arrays
 
@@ -207,5 +207,5 @@ def _array(content: bytes) -> np.ndarray:
     shape, fortran, kind = np.lib.format.read_array_header_1_0(stream)
     values = content[stream.tell() :]
     if kind.hasobject or kind.names or math.prod(shape) * kind.itemsize != len(values):
-        raise ValueError("an array that is cut off")
+        raise ValueError("a truncated array")
     return np.frombuffer(values, kind).reshape(shape, order="F" if fortran else "C").copy()

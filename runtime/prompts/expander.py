@@ -20,7 +20,7 @@ class PromptCancelledError(PromptError):
     """Raised if a request was cancelled before it was answered."""
 
     def __init__(self) -> None:
-        super().__init__("The prompt was withdrawn before the language model answered.")
+        super().__init__("The prompt was cancelled before the language model answered.")
 
 
 @dataclass(frozen=True)

@@ -139,9 +139,9 @@ class TextEncoder:
             )
             plain = found.graph == Path(found.graph).name and found.graph.isprintable()
             if not plain or not 1 <= len(found.graph) <= MAX_NAME:
-                raise ValueError("'graph' is no plain file name")
+                raise ValueError("'graph' is not a plain file name")
             if not is_text(found.name) or len(found.name) > MAX_NAME:
-                raise ValueError("'name' is no name")
+                raise ValueError("'name' is not a name")
             if not 1 <= found.dimensions <= MAX_DIMENSIONS or not 2 <= found.max_tokens <= MAX_TOKENS:
                 raise ValueError("'dimensions' or 'max_tokens' is out of range")
         except (FileError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
@@ -161,7 +161,7 @@ class TextEncoder:
                 raise ValueError("vectors of another network")
             vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
             if not np.isfinite(vectors).all():
-                raise ValueError("vectors that are no numbers")
+                raise ValueError("vectors that are not numbers")
         return {text: row for row, text in enumerate(texts)}, vectors
 
     @cached_property
@@ -215,7 +215,7 @@ def text_encoder_of(
     wanted = metadata.get("text_encoder", SHIPPED)
     if not (isinstance(wanted, dict) and wanted.keys() >= SHIPPED.keys()):
         raise ModelError(
-            f"{model_folder / 'metadata.json'}: field 'text_encoder' is no object with name and dimensions.",
+            f"{model_folder / 'metadata.json'}: field 'text_encoder' is not an object with name and dimensions.",
             "Export the model again.",
         )
     own = model_folder / OWN_FOLDER

@@ -129,7 +129,7 @@ def check_character_files(files: Files) -> None:
         raise FileError("its character: no glTF file.", REMEDY)
     for name in names:
         if not safe_name(name):
-            raise FileError(f"its character: {name[:60]!r} is no name of a file in its folder.", REMEDY)
+            raise FileError(f"its character: {name[:60]!r} is not the name of a file in its folder.", REMEDY)
 
 
 def safe_name(name: Any) -> bool:

@@ -157,7 +157,7 @@ class Database(StoredRows):
             if self._full or len(self._queue) >= MAX_WAITING_WORKS:
                 self._full = True
                 slow = self._trouble or f"{self.path}: its disk is too slow."
-                self._lost = f"{slow} What is done from now on is in memory only."
+                self._lost = f"{slow} Further changes are in memory only."
                 return
             self._queue.append(work)
             self._submitted += 1
@@ -307,9 +307,7 @@ class Database(StoredRows):
             found = "ok" if self._unchecked.is_set() else said(error)
         if found != "ok":
             _LOG.error("integrity_check of %s: %s", self.path, found)
-            self._lost = (
-                f"{self.path}: its disk gives back other bytes than were written. Save a copy elsewhere."
-            )
+            self._lost = f"{self.path}: its disk returns other data than was written. Save a copy elsewhere."
 
     def _disconnect(self) -> None:
         """Close both connections at once: the last one removes the log, by its name."""

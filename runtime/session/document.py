@@ -60,7 +60,7 @@ def unpack_sticks(content: bytes, count: int) -> NDArray[np.float64]:
         return np.zeros((0, COLUMNS))
     rows = unpacked_table(content, count, np.dtype("<f8"))
     if not are_asked(rows):
-        raise ValueError("a stick that no hand can push")
+        raise ValueError("invalid stick positions")
     return rows
 
 

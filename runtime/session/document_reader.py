@@ -214,7 +214,7 @@ class DocumentReader:
         codes = self._finite(self.blobs.array(number, "<f4", (len(parts), *CODE_SHAPE)))
         mixed = tuple(read_number(part, 1.0) for part in parts)
         if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
-            raise ValueError("fractions of styles that are no mix")
+            raise ValueError("invalid style weights")
         return StyleMix(mixed, tuple(codes), checked_targets(edits))
 
     def _code(self, value: Json) -> Any:
@@ -322,31 +322,31 @@ def _mended_session(session: Session) -> Session:
 
 _RULES: dict[Any, tuple[tuple[str, Callable[[Any], bool]], ...]] = {  # error messages and conditions
     Session: (
-        ("takes without numbers of their own", lambda s: len({LIVE, *_numbers(s)}) == len(s.takes) + 1),
-        ("variants without end", lambda s: len(s.variants) <= MAX_VARIANTS),
+        ("takes without unique numbers", lambda s: len({LIVE, *_numbers(s)}) == len(s.takes) + 1),
+        ("too many variants", lambda s: len(s.variants) <= MAX_VARIANTS),
     ),
     Take: (
         ("a take without a motion", lambda t: t.number == LIVE or t.motion is not None),
-        ("edits without end", _few_edits),
+        ("too many edits", _few_edits),
         ("a rating", lambda t: 0 <= t.rating <= MAX_RATING),
         ("a frame number", lambda t: 0 <= t.numbered_from <= MAX_FRAMES),
-        ("a trim that keeps nothing", lambda t: t.trim is None or t.trim[0] < t.trim[1]),
+        ("an empty trim", lambda t: t.trim is None or t.trim[0] < t.trim[1]),
     ),
-    FootplantEdit: (("a footplant of no foot or frames", _on_a_foot),),
+    FootplantEdit: (("an invalid footplant", _on_a_foot),),
     PromptBlend: (
-        ("weights of a blend that are none", lambda b: len(b.weights) == len(PART_NAMES) and all(0.0 <= w <= 1.0 for w in b.weights)),
+        ("invalid blend weights", lambda b: len(b.weights) == len(PART_NAMES) and all(0.0 <= w <= 1.0 for w in b.weights)),
     ),
-    Answer: (("an answer of no known source", lambda a: a.source in SOURCES),),
+    Answer: (("an answer of an unknown source", lambda a: a.source in SOURCES),),
     PromptEvent: (
-        ("words that are none", lambda e: not e.words or isinstance(parse_json(e.words), dict)),
+        ("invalid words", lambda e: not e.words or isinstance(parse_json(e.words), dict)),
         ("a transition that ends before it begins", lambda e: e.transition_seconds >= 0.0),
     ),
     MotionHeader: (
-        ("a motion that no clip is", lambda h: 0.0 < h.fps <= MAX_FPS and h.frames <= MAX_FRAMES and MIN_SIZE <= h.size <= MAX_SIZE),
-        ("a place of other numbers", lambda h: h.placed is None or len(h.placed) == 4),
+        ("an invalid motion", lambda h: 0.0 < h.fps <= MAX_FPS and h.frames <= MAX_FRAMES and MIN_SIZE <= h.size <= MAX_SIZE),
+        ("an invalid placement", lambda h: h.placed is None or len(h.placed) == 4),
     ),
     CharacterChoice: (
-        ("a shape of no body", lambda c: c.shape.check() is None),
+        ("an invalid body shape", lambda c: c.shape.check() is None),
         ("files of a character outside their folder", lambda c: not c.key or safe_name(c.key)),
         ("a character of an unknown unit", lambda c: c.unit in ("", *NAMED_UNITS)),
     ),

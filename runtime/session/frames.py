@@ -61,7 +61,7 @@ def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArr
     small = _sums(unpacked_table(parts[1], count, np.int16)).reshape(count, J, 3)
     places = _sums(unpacked_table(parts[2], count, np.int32))
     if (signs > 7).any() or (small == -32768).any():
-        raise ValueError("rotations that are none")
+        raise ValueError("invalid rotations")
     a, b, c = np.moveaxis(small * ROTATION_COMPONENT_STEP, -1, 0)
     main = np.sqrt(np.maximum(1.0 - (a * a + b * b + c * c), 0.0))
     ordered = np.stack([main, a, b, c], axis=-1).astype(np.float32)

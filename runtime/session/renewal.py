@@ -70,16 +70,16 @@ class Renewal:
             if not target.execute("SELECT 1 FROM meta UNION SELECT 1 FROM frames LIMIT 1").fetchone():
                 raise damage
             unwritten.make(unwritten.read(self.path), target)
-            self.repaired = "It was damaged: what is sound is here."
+            self.repaired = "It was damaged; what was intact is here."
             self._mend(target)
 
     def _mend(self, target: sqlite3.Connection) -> None:
         """Complete motions with missing pieces."""
         changed, held = fill_gaps(target)
         if changed:
-            gaps = f": {held} frames hold the pose before them" if held else ""
+            gaps = f": {held} missing frames repeat the pose before them" if held else ""
             damaged = self.repaired or "It was damaged."
-            self.repaired = f"{damaged} {changed} of its motions are not as they were{gaps}."
+            self.repaired = f"{damaged} {changed} of its motions have changed{gaps}."
 
     def _keep_aside(self) -> None:
         """Keep a damaged file before it is replaced."""

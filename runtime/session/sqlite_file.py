@@ -39,13 +39,13 @@ _SAID = {
     sqlite3.SQLITE_FULL: f"there is no room left, or the session has reached {MAX_FILE_BYTES >> 20} MB",
     sqlite3.SQLITE_IOERR: "the disk cannot be read or written",
     sqlite3.SQLITE_CANTOPEN: "it cannot be opened",
-    sqlite3.SQLITE_PERM: "it must not be written",
-    sqlite3.SQLITE_READONLY: "it must not be written",
-    sqlite3.SQLITE_BUSY: "another program keeps it busy",
-    sqlite3.SQLITE_LOCKED: "another program keeps it busy",
+    sqlite3.SQLITE_PERM: "it is write-protected",
+    sqlite3.SQLITE_READONLY: "it is write-protected",
+    sqlite3.SQLITE_BUSY: "another program has locked it",
+    sqlite3.SQLITE_LOCKED: "another program has locked it",
     sqlite3.SQLITE_CORRUPT: "it is damaged",
-    sqlite3.SQLITE_NOTADB: "it is no session",
-    sqlite3.SQLITE_CONSTRAINT: "a value is not as it must be",
+    sqlite3.SQLITE_NOTADB: "it is not a session",
+    sqlite3.SQLITE_CONSTRAINT: "a value is invalid",
 }
 
 
@@ -71,7 +71,7 @@ class Budget:
     def spend(self, count: int) -> None:
         """Subtract `count` bytes from the budget; ValueError if it is exceeded."""
         if count > self.left:
-            raise ValueError(f"it unfolds to more than {self.of >> 20} MB")
+            raise ValueError(f"it unpacks to more than {self.of >> 20} MB")
         self.left -= count
 
 

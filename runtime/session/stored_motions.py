@@ -187,4 +187,4 @@ def are_gaits(gaits: AnyArray | None) -> bool:
 def check_motion(clip: Clip, path: Path | str = "a take") -> None:
     """Raise FileError unless every frame can be shown."""
     if not are_gaits(clip.gaits) or not are_poses(clip.hips_positions, clip.local_rotations, clip.contacts):
-        raise FileError(f"{path}: a take whose frames are no poses.", REMEDY)
+        raise FileError(f"{path}: a take with invalid poses.", REMEDY)

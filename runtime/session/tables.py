@@ -104,14 +104,14 @@ def version_of(connection: sqlite3.Connection) -> int:
         connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
     )
     if program != APPLICATION_ID:
-        raise DamageError("it is no session")
+        raise DamageError("it is not a session")
     if version not in (PLAIN_VERSION, SCHEMA_VERSION):
         raise VersionError(
             f"a later version of this program wrote it (format {version}, known {SCHEMA_VERSION})"
         )
     found = connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT 20").fetchall()
     if sorted(found, key=str) != _schema(version):
-        raise DamageError("it is no session: its tables are others")
+        raise DamageError("it is not a session: its tables differ")
     return int(version)
 
 

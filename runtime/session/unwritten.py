@@ -102,7 +102,7 @@ def read(path: Path) -> list[Change]:
             unfold, content = zlib.decompressobj(), read_bounded(file, MAX_FILE_BYTES, REMEDY)
             text = unfold.decompress(content, MIN_UNFOLDED_BYTES + BUDGET_PER_FILE_BYTE * len(content))
             if not unfold.eof or text.count(b"], {") > 2 * MAX_CHANGES:
-                raise ValueError("cut off, or it unfolds to more than it may")
+                raise ValueError("truncated, or too large when unpacked")
             changes += [_change(value) for value in parse_json(text, MAX_ITEMS)]
             if len(changes) > MAX_CHANGES:
                 raise ValueError("more changes than are ever waiting")

@@ -62,7 +62,7 @@ def fitted_footplant(known: Sequence[Frames], count: int, old: Frames | None, st
             high = min(high, a - MIN_FRAMES)
     inside = old is None and any(a <= middle < b for a, b in others)
     if inside or high - low < MIN_FRAMES:
-        raise UsageError("A plant there: the foot bears already.", "Choose frames in which it swings.")
+        raise UsageError("The foot is already planted there.", "Choose frames in which it swings.")
     start = min(max(start, low), high - MIN_FRAMES)
     end = max(min(end, high), start + MIN_FRAMES)
     return start, end

@@ -329,8 +329,8 @@ def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_
     if poses:
         made = stacked(poses)
         if not are_poses(*made):  # a damaged state of a controller may lead anywhere
-            problem = "The take cannot be resimulated: what it was driven by leads to poses that are none."
-            raise FileError(problem, "Edit it at another place, or record it again.")
+            problem = "The take cannot be resimulated: its input leads to invalid poses."
+            raise FileError(problem, "Edit it elsewhere, or record it again.")
         parts = zip(clip.arrays, made, strict=True)
         clip = clip.posed(*(np.concatenate([kept[:first_frame], new]) for kept, new in parts))
     gaits = inputs.gaits()

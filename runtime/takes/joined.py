@@ -42,7 +42,7 @@ def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
     With `grounds`, the feet of the second clip keep their heights over the ground. Raises UsageError for different body sizes.
     """
     if first.size != second.size:
-        raise UsageError("The takes are of bodies of different sizes.", "Join takes of one character.")
+        raise UsageError("The takes have different body sizes.", "Join takes of one character.")
     second = second.resampled(first.fps)
     same = _meet(first, second)
     if not same and min(len(first), len(second)) > 1:
@@ -86,7 +86,7 @@ def without(clip: Clip, first: int, last: int, ground: Terrain | None = None) ->
     kept = [clip.trim(0, first)] if first > 0 else []
     kept += [clip.trim(last, len(clip) - 1)] if last < len(clip) - 1 else []
     if not kept:
-        raise UsageError("Nothing would be left.", "Trim to the frames that are to be cut out.")
+        raise UsageError("Nothing would be left.", "Trim to the frames to cut out.")
     grounds = None if ground is None else (ground, ground)
     return joined(kept[0], kept[1], grounds) if len(kept) == 2 else kept[0]
 

@@ -90,7 +90,7 @@ class PoseKey:
     def __post_init__(self) -> None:
         turns = _fit(self.turns, range(J), MAX_TURN_RAD)
         if not (turns and _fit(self.moves, MOVED, MAX_MOVE_M) and 0.0 <= self.seconds <= MAX_TIME_S):
-            raise UsageError(f"A pose key at {self.seconds:g} s with values of no body.", REMEDY)
+            raise UsageError(f"A pose key at {self.seconds:g} s with invalid values.", REMEDY)
 
     def __bool__(self) -> bool:
         return bool(self.turns or self.moves)
@@ -138,7 +138,7 @@ class PoseLayer:
             problem = f"A pose layer that eases in {self.ease_in:g} and {self.ease_out:g} s."
             raise UsageError(problem, f"Choose 0 to {MAX_EASE_S:g} s.")
         if any(not after.seconds - key.seconds >= APART_S for key, after in itertools.pairwise(self.keys)):
-            raise UsageError("Pose keys at the same time, or in no order.", REMEDY)
+            raise UsageError("Pose keys at the same time or out of order.", REMEDY)
 
     def __bool__(self) -> bool:
         return bool(self.keys)

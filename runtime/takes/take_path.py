@@ -42,7 +42,7 @@ def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
         stick, gait = _leg([inputs.frame(i).controls for i in range(a, b + 1)])
         points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), stick, gait))
     if not points:
-        raise UsageError("The way of this take: it stands.", "Choose a take that goes somewhere.")
+        raise UsageError("This take has no path: the character stands.", "Choose a take that moves.")
     return tuple(points)
 
 

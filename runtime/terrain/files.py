@@ -75,7 +75,7 @@ def _read_png(path: Path, data: bytes, height_m: float) -> tuple[Array, str]:
 
     remedy = "Save it again as a grey PNG with 16 or 8 bits."
     if not data.startswith(b"\x89PNG\r\n\x1a\n"):
-        raise FileError(f"{path}: not a readable PNG (its first bytes are others).", remedy)
+        raise FileError(f"{path}: not a readable PNG (its signature is wrong).", remedy)
     try:
         with Image.open(io.BytesIO(data), formats=("PNG",)) as image:
             if max(image.size) > MAX_SIDE or min(image.size) < 2:
@@ -134,7 +134,7 @@ def _read_npy(path: Path, data: bytes, height_m: float) -> Array:
         raise FileError(f"{path}: not a readable NPY array ({reason(error)}).", remedy) from error
     if max(shape) > MAX_SIDE or min(shape) < 2:
         raise FileError(
-            f"{path}: {shape[0]} x {shape[1]} samples; expected 2 to {MAX_SIDE} a side.", "Thin it out."
+            f"{path}: {shape[0]} x {shape[1]} samples; expected 2 to {MAX_SIDE} a side.", "Downsample it."
         )
     wanted = shape[0] * shape[1] * dtype.itemsize
     if len(data) - at < wanted:
@@ -163,7 +163,7 @@ def _npy_header(data: bytes) -> tuple[tuple[int, int], bool, np.dtype[Any], int]
     order = re.search(r"""['"]fortran_order['"]\s*:\s*(True|False)""", head)
     shape = re.search(r"""['"]shape['"]\s*:\s*\(\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,?\s*\)""", head)
     if not kind or not order or not shape:
-        raise ValueError("no two-dimensional array of numbers")
+        raise ValueError("not a two-dimensional array of numbers")
     return (int(shape[1]), int(shape[2])), order[1] == "True", np.dtype(kind[1]), at + length
 
 

@@ -34,13 +34,13 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
         raise UsageError(f" {options.workers}: expected 1 to {MAX_WORKERS}.", "Try 2.", "workers")
     rows = read_rows(options.batch)
     tasks, refused = plan(rows, parser, options)
-    remark_when_ended("the same command goes on from here")
+    remark_when_ended("run the same command again to continue")
     with _held(options.out), temporary_folder() as scratch:
         manifest = Manifest(options.out)
         missing = [task for task in tasks if not manifest.done(task)]
         progress = BatchProgress(len(rows), len(tasks) - len(missing))
         if progress.kept:
-            print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
+            print(f"sport: {progress.kept} of {len(rows)} clips already exist", file=sys.stderr)
         workers = min(options.workers or cores(), max(len(missing), 1))
         made = make_rows(missing, options.out, lambda: processes(workers, scratch), workers)
         _make(itertools.chain((entry(row, row.error) for row in refused), made), manifest, progress)
@@ -118,7 +118,7 @@ class Manifest:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise FileError(
-                f"{self.path}: {error.strerror or error}.", "Make room; the batch goes on from here."
+                f"{self.path}: {error.strerror or error}.", "Free disk space and run the same command again."
             ) from error
 
     def finish(self, numbers: Iterable[int]) -> None:

@@ -131,7 +131,7 @@ def _placed(task: Task, future: Future[Made], target: Path) -> Line:
         for name in sorted(files, key=lambda name: name == line["file"]):
             write_atomic(below(target, name), files[name])
     except BrokenProcessPool:
-        return entry(task, "the process that made it ended")
+        return entry(task, "its worker process ended")
     except Exception as error:  # of the executor, or of the disk
         return entry(task, _problem(error))
     return line

@@ -274,7 +274,7 @@ def test_a_worker_that_dies_costs_its_row_alone(tmp_path: Path) -> None:
     target = tmp_path / "clips"
     made = work.make_rows([bad, *good], target, lambda: work.processes(1), 1)
     found = {line["row"]: line for line in made}
-    assert found[9]["error"] == "the process that made it ended"
+    assert found[9]["error"] == "its worker process ended"
     assert found[1]["error"] is None
     assert "--seconds" not in found[2]["error"]
     assert "seconds -1: expected" in found[2]["error"]
@@ -303,7 +303,7 @@ def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> No
     assert 2 <= len(before) < 4
     done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert f"{len(before)} of 4 clips are there already" in done.stderr
+    assert f"{len(before)} of 4 clips already exist" in done.stderr
     found = lines(folder)
     assert [line["row"] for line in found] == list(range(1, 5))
     names = {name for line in found for name in line["files"]}

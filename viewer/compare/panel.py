@@ -83,7 +83,7 @@ def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool
     keep = widgets.button(f"{ICON.check} Keep", rest, "Make this the live character, with its prompt")
     widgets.same_line()
     more = len(compare.variants) > MIN_CHARACTERS
-    remove = widgets.icon_button(ICON.close, "remove", "Remove this one", theme.MUTED, more)
+    remove = widgets.icon_button(ICON.close, "remove", "Remove this character", theme.MUTED, more)
     return keep, remove
 
 

@@ -47,7 +47,7 @@ class CameraKeys:
     def toggle(self) -> None:
         """Look through the camera keys, or stop with the view where it is."""
         if not self.keys:
-            self.editor.messages.note("No camera keys: “+ Pin”, Camera key sets one on the timeline.")
+            self.editor.messages.note("No camera keys: add one with “+ Pin”, Camera key.")
         self.control.keyed, self._frame = not self.through, (-1, -1)
 
     def add(self) -> None:
@@ -75,7 +75,7 @@ class CameraKeys:
         self.control.keyed = playback is not None and len(keys) > 1
         self.editor.messages.note(
             f"{take.title}: {len(keys)} camera key{'s' * (len(keys) > 1)}."
-            " A film with the camera “keyed” looks through them."
+            " Films with the camera “keyed” use them."
         )
 
     def _put(self, label: str, keys: tuple[CameraKey, ...]) -> None:

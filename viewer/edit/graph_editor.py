@@ -37,9 +37,9 @@ _FLAGS = imgui.WindowFlags_
 _SCROLLS_NOT = _FLAGS.no_scrollbar | _FLAGS.no_scroll_with_mouse
 CAMERA_TINTS = ((0.95, 0.78, 0.42, 1.0), (0.80, 0.55, 0.92, 1.0), (0.45, 0.80, 0.86, 1.0), *AXES)
 HELP = (
-    "Click or box keys, Shift adds. Drag moves them; Ctrl in one direction alone.\n"
-    "Double click sets a key. Del removes, Ctrl+A chooses all.\n"
-    "Wheel zooms, a middle drag scrolls; the line is the frame shown."
+    "Click or box-select keys, Shift adds. Drag to move them; Ctrl locks the direction.\n"
+    "Double-click adds a key. Del deletes, Ctrl+A selects all.\n"
+    "Wheel zooms, middle drag scrolls; the line is the frame shown."
 )
 
 
@@ -210,9 +210,9 @@ class GraphEditor:
         if first is not None:
             frame, value = float(first.frame), curves.keys(first.channel)[first.frame]
         with widgets.disabled(first is None or others):
-            new_frame = self._number("frame", frame, "frame %.0f", "Frame of the chosen key")
+            new_frame = self._number("frame", frame, "frame %.0f", "Frame of the selected key")
             unit = first.channel.unit if first is not None else ""
-            new_value = self._number("value", value, f"%.1f {unit}", "Value of the chosen key")
+            new_value = self._number("value", value, f"%.1f {unit}", "Value of the selected key")
         if first is not None and (round(new_frame) != first.frame or abs(new_value - value) > 1e-4):
             by, chosen = round(new_frame) - first.frame, self.chosen
             change = new_value - value
@@ -226,7 +226,7 @@ class GraphEditor:
             options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
             now = next(iter(tangents)) if len(tangents) == 1 else None
             picked = widgets.combo("##curve tangent", options, now)
-            widgets.tooltip("How the curves pass the chosen pose keys")
+            widgets.tooltip("Tangents of the selected pose keys")
         if isinstance(picked, Tangent) and tangents != {picked} and tangents:
             self.put("tangent of keys", lambda: curves.with_tangent(self.chosen, picked))
         imgui.same_line()

@@ -85,7 +85,7 @@ def _places(spans: Sequence[Span], gone: Items, put: Items) -> list[int]:
     starts = {item.start for item in gone}
     places = [i for i, span in enumerate(spans) if span.start in starts]
     if len(places) == len(spans) and not put:
-        raise UsageError("A take keeps one prompt and one gait.", "Write another prompt in its place.")
+        raise UsageError("A take needs at least one prompt and one gait.", "Replace it by another one.")
     return places
 
 

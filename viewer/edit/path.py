@@ -34,7 +34,7 @@ DRAW_HINT = (
     "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
 )
 TAKE_HINT = "The path of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
-WALK_HINT = "From where the character stands; any key ends it"
+WALK_HINT = "Starts where the character stands; any key stops it"
 GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 
 
@@ -214,7 +214,7 @@ class PathTool:
         self._time_s += dt
         if walk.ended:
             self.walk = None
-            said = "The path is walked." if walk.arrived else "Path crosses unwalkable ground."
+            said = "Path completed." if walk.arrived else "Path crosses unwalkable ground."
             self.editor.messages.note(said)
         return stick
 
@@ -233,7 +233,9 @@ class PathTool:
             if widgets.button("Resimulate###drive path", third, hint, enabled=enabled):
                 self.resimulate()
         elif self.walk is not None:
-            if widgets.button(f"{ICON.stop} Stop###walk path", third, "Give the stick back", enabled=enabled):
+            if widgets.button(
+                f"{ICON.stop} Stop###walk path", third, "Stop and use the stick", enabled=enabled
+            ):
                 self.stop()
         elif widgets.button(f"{ICON.walk} Walk it###walk path", third, WALK_HINT, enabled=enabled):
             self.start()

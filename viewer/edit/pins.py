@@ -275,7 +275,7 @@ class Pins:
     def draw_live(self, key_camera: Callable[[], None], width: float) -> None:
         """Draw the button for pins of the live character, which holds chosen parts where they are."""
         held = [pin.what for pin in self.pins] if self.playback is None else []
-        hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
+        hint = "Hold a hand, a foot or the look at a point, which can be dragged in the view"
         text = "Hold…" if not held else f"Holds {len(held)}"
         with widgets.disabled(self.playback is not None):
             if widgets.toggle(text, bool(held), width, hint) != bool(held):
@@ -373,4 +373,4 @@ def _draw_times(pins: Pins, pin: Pin, clip: Clip) -> None:
     imgui.pop_item_width()
     far = 0.0 if pins.editor.dragging else pins.reach()
     if far:
-        widgets.muted(f"{far:.2f} m out of reach at worst", wrap=True)
+        widgets.muted(f"up to {far:.2f} m out of reach", wrap=True)

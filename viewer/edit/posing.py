@@ -299,7 +299,7 @@ def _draw_card(posing: Posing, view: Rect) -> None:
         widgets.buttons(
             ("Key##pose", "Key the joint as it is at this frame", posing.set_key),
             ("Free##pose", "From here on the joint follows the motion", lambda: posing.set_key(release=True)),
-            ("Del##pose", "Take the joint out of the key at this frame", posing.remove_joint),
+            ("Del##pose", "Remove the joint from the key at this frame", posing.remove_joint),
         )
         imgui.end_disabled()
         mirror = partial(posing.paste, mirror=True)
@@ -319,12 +319,12 @@ def _draw_layer(posing: Posing, half: float) -> None:
         posing.open_curves()
     widgets.same_line()
     hint = "The last key of each joint holds to the end of the take"
-    if widgets.toggle("Keep on", layer.keeps, half, hint) != layer.keeps:
+    if widgets.toggle("Hold last", layer.keeps, half, hint) != layer.keeps:
         posing.put("keeping of the pose layer", lambda layer: replace(layer, keeps=not layer.keeps))
     with widgets.disabled(key is None):
         widgets.full_width()
         options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
         chosen = widgets.combo("##tangent", options, Tangent.SMOOTH if key is None else key.tangent)
-        widgets.tooltip("How the curves pass this key")
+        widgets.tooltip("Tangent of this key")
     if key is not None and isinstance(chosen, Tangent):
         posing.set_tangent(chosen)

@@ -167,7 +167,7 @@ class ReferenceCard:
     def _offset(self, fps: float, wide: bool) -> None:
         low, high = LIMITS["offset_s"]
         limits, frames = (round(low * fps), round(high * fps)), round(self.reference.reference.offset_s * fps)
-        hint = "How many frames later the reference is. Drag, or double-click to type."
+        hint = "Delay of the reference in frames. Drag, or double-click to type."
         text = "%+d frames" if wide else "%+d"
         moved, later = widgets.drag("##reference offset", frames, limits, text, hint, 0.3)
         if moved:
@@ -176,7 +176,7 @@ class ReferenceCard:
     def _aside(self, wide: bool) -> None:
         reference, limits = self.reference.reference, LIMITS["aside_m"]
         text = "%.1f m aside" if wide else "%.1f m"
-        hint = "How far to the right of the take. Drag, or double-click to type."
+        hint = "Distance to the right of the take. Drag, or double-click to type."
         with widgets.disabled(reference.over):
             moved, aside_m = widgets.drag("##reference aside", reference.aside_m, limits, text, hint, 0.01)
         if moved:
@@ -192,7 +192,7 @@ class ReferenceCard:
 
     def _looks(self) -> None:
         reference, choice = self.reference, self.reference.reference.character
-        hint = "Who shows it: another character, its own skeleton"
+        hint = "The body that shows it: another character, its own skeleton"
         if widgets.icon_button(ICON.more, "reference look", hint):
             imgui.open_popup("look")
         if not imgui.begin_popup("look"):

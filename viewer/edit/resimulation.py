@@ -102,7 +102,7 @@ class Resimulation:
             return "This motion comes from a file. It can be trimmed, pinned, posed and exported."
         if take.mirrored or not playback.take.motion.header.resimulable:
             return (
-                "Only takes as recorded can be resimulated: this one was mirrored, cut or joined, goes on from another, or"
+                "Only takes as recorded can be resimulated: this one was mirrored, cut, joined or continued from another, or"
                 " its model changed. It can be trimmed, pinned, posed and exported."
             )
         if self.model is None:
@@ -353,7 +353,7 @@ def restyle(editing: Resimulation, prompt: str) -> None:
         error = found[1]
         takes.play(number)
         if error.time_s > LATE_S:
-            text = f"{take.title} goes faster than these words can: the new take is {error.time_s:.1f} s off its time."
+            text = f"{take.title} goes faster than this style can: the new take is {error.time_s:.1f} s off its time."
             takes.messages.warn(text)
         else:
             takes.messages.note(

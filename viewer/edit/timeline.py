@@ -157,7 +157,7 @@ class Timeline:
         imgui.same_line(0, px(3))
         if imgui.button("Sel##fit selection", size):
             self.fit(selection)
-        widgets.tooltip("Show the selected pin, or what the trim keeps (Z)")
+        widgets.tooltip("Show the selected pin, or the trimmed range (Z)")
         imgui.pop_font()
         imgui.pop_style_var()
 

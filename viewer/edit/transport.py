@@ -51,14 +51,14 @@ GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
 POSE_TINT = (0.62, 0.78, 0.40, 1.0)
 PART_TINT, PIN_TINT = (0.36, 0.55, 0.78, 0.28), (0.86, 0.48, 0.62, 0.45)
 NEW_FOOTPLANT_FRAMES = 8
-CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag keys; Delete removes what is selected"
+CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag keys; Delete removes the selection"
 PIN_HINT = "A click shows the pin's fields; drag it or its ends"
 POSING_HINT = "Pose joints by hand over the motion: click one in the view and drag its handles"
 CURVES_HINT = "Curves of the pose and camera keys"
-POSE_HINT = "Keys of the pose layer.\nDrag keys; Delete removes what is selected"
+POSE_HINT = "Keys of the pose layer.\nDrag keys; Delete removes the selection"
 FEET_HINT = (
-    "When a foot bears: the left one above, the right one below.\n"
-    "Drag a footplant or its ends; right-click adds one, Delete removes what is selected"
+    "Footplants: the left foot above, the right foot below.\n"
+    "Drag a footplant or its ends; right-click adds one, Delete removes the selection"
 )
 
 
@@ -336,13 +336,13 @@ class Transport:
                 act()
             imgui.same_line(0, gap)
         if not self._tiny:
-            playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
+            playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Loop at the end")
             imgui.same_line(0, px(8))
             imgui.set_next_item_width(px(96 if self._wide else 72))
             _, playback.speed = widgets.slider(
                 "##speed", playback.speed, *SPEED_RANGE, "%.2f x", logarithmic=True
             )
-            widgets.tooltip("Playback speed; Ctrl+click types it")
+            widgets.tooltip("Playback speed; Ctrl+click to type it")
             imgui.same_line(0, px(8))
         live = f"{ICON.person} Live" if self._wide else ICON.person
         live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
@@ -385,15 +385,15 @@ class Transport:
         editing, pinned, posing, graph = self.editing, self.pins.fixed, self.posing, self.graph
         trim, fixed = editing.takes.trim, editing.fixed
         gait_hint = "Another gait from this frame to the end of the current one"
-        parts_hint = "A track for what each body part does"
+        parts_hint = "A track for each body part's description"
         compare_hint = "Compare with another take, a BVH or a film: next to it or over it"
 
         def show_parts() -> None:
             editing.part_tracks = not editing.part_tracks
 
         return [
-            Tool("[ In", "Keep the clip from this frame (I)", 5, act=lambda: trim(first=playback.frame)),
-            Tool("Out ]", "Keep the clip up to this frame (O)", 5, act=lambda: trim(last=playback.frame)),
+            Tool("[ In", "Trim the start to this frame (I)", 5, act=lambda: trim(first=playback.frame)),
+            Tool("Out ]", "Trim the end to this frame (O)", 5, act=lambda: trim(last=playback.frame)),
             Tool("+ Prompt", "Another prompt from this frame on", 0, fixed, menu=self._new_prompt),
             Tool("+ Gait", gait_hint, 2, fixed, menu=self._new_gait),
             Tool("+ Pin", NEW_PIN_HINT, 0, pinned, menu=self._new_pin),
@@ -409,7 +409,7 @@ class Transport:
         imgui.same_line(0, px(GAP_PX))
         end = imgui.get_window_width() - imgui.get_style().window_padding.x
         padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
-        texts = [f"{ICON.walk} {text}".rstrip() for text in ("Go on from here", "Go on", "")]
+        texts = [f"{ICON.walk} {text}".rstrip() for text in ("Continue from here", "Continue", "")]
         text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
         width = imgui.calc_text_size(text).x + padding
         imgui.same_line(end - width)

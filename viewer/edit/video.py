@@ -23,7 +23,7 @@ MAX_SOURCE_PIXELS = 1 << 24  # per picture: the decoder holds several
 JPEG_QUALITY = 85
 # single-file formats that do not refer to other files
 ALONE = {"format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,gif", "protocol_whitelist": "none"}
-REMEDY = "Write it again as MP4 (H.264) or GIF."
+REMEDY = "Convert it to MP4 (H.264) or GIF."
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +62,10 @@ def read_video(path: Path) -> Video:
         raise
     except Exception as error:  # decoders raise arbitrary errors for damaged files
         if not made:
-            raise FileError(f"{path.name}: no film that can be read ({reason(error)}).", REMEDY) from error
+            raise FileError(f"{path.name}: not a readable film ({reason(error)}).", REMEDY) from error
         cut = True
     if not made:
-        raise FileError(f"{path.name}: a film without pictures.", REMEDY)
+        raise FileError(f"{path.name}: a film without frames.", REMEDY)
     times, pictures, sizes = zip(*made, strict=True)
     each = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 0.04
     starts = tuple(time_s - times[0] for time_s in times)

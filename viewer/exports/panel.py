@@ -64,7 +64,7 @@ def _target(exporting: Exporting) -> None:
     flags = imgui.InputTextFlags_.elide_left
     exporting.path = imgui.input_text("##export file", exporting.path, flags)[1]
     widgets.same_line()
-    if widgets.icon_button(ICON.folder, "browse export", "Choose by a dialog", theme.TEXT):
+    if widgets.icon_button(ICON.folder, "browse export", "Browse…", theme.TEXT):
         exporting.browse()
 
 
@@ -106,7 +106,7 @@ def _toggles(exporting: Exporting) -> None:
     applies = {
         "humanoid_names": form.engine and ENGINES[form.engine].bones, "own_character": own,
     }  # fmt: skip
-    hints = {"own_character": f"{own.name if own else ''} in the place of the mannequin"}
+    hints = {"own_character": f"{own.name if own else ''} instead of the mannequin"}
     names = [name for name in TOGGLES if form.has(name) and applies.get(name, True)]
     columns = 3 if len(names) == 3 else 2
     width = widgets.column_width(columns)

@@ -251,7 +251,7 @@ def film_in_process(
         if cancel.is_set():
             return ""
         raise SportError(
-            f"{path}: the film was ended from outside.", "Free some memory, or choose a smaller size."
+            f"{path}: the encoder was stopped from outside.", "Free some memory, or choose a smaller size."
         ) from error
     finally:
         ours.close()

@@ -48,7 +48,7 @@ def open_writer(path: Path, size: tuple[int, int], fps: float) -> Iterator[Frame
     """Open a writer for the ending of `path`; an error in the block removes the file. Raises FileError."""
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
-        raise UsageError(f"{path}: no film is written with this ending.", "Choose .mp4, .png, .webp or .gif.")
+        raise UsageError(f"{path}: not a film format.", "Choose .mp4, .png, .webp or .gif.")
     with WRITERS[suffix](path, size, fps) as write:
         yield write
 
@@ -74,7 +74,7 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]
             stream = container.add_stream(CODEC, rate=rate, options=_X264)
         except (av.FFmpegError, OSError, ValueError) as error:
             raise FileError(
-                f"{path}: no H.264 film can be begun ({error}).", "Choose .png frames."
+                f"{path}: the H.264 encoder cannot start ({error}).", "Choose .png frames."
             ) from error
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"

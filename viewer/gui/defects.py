@@ -121,7 +121,7 @@ def safe_panel(panel: Panel, defects: Defects) -> Panel:
         if not failed:
             draw(rect)
         elif in_place:
-            widgets.muted("A defect has closed this panel.", wrap=True)
+            widgets.muted("An internal error closed this panel.", wrap=True)
             if widgets.button(f"Open it again##{panel.name}"):
                 failed.clear()
 

@@ -103,7 +103,7 @@ def _message(message: Message | None, width: float, show: Callable[[Path], None]
 def _opens_list(text: str = "") -> None:
     """Open the list of messages at a click on the item before."""
     if imgui.is_item_hovered():
-        widgets.tooltip(f"{text}\nClick: the last messages".lstrip())
+        widgets.tooltip(f"{text}\nClick for recent messages".lstrip())
         if imgui.is_mouse_clicked(0):
             imgui.open_popup(LIST)
 
@@ -118,7 +118,7 @@ def _list(messages: Messages) -> None:
     if not imgui.begin_popup(LIST):
         return
     if not messages.recent:
-        widgets.muted("Nothing was said yet.")
+        widgets.muted("No messages yet.")
     for number, message in enumerate(reversed(messages.recent)):
         imgui.push_id(number)
         _entry(message, messages.show_in_folder)

@@ -45,7 +45,7 @@ def _parse_step(step: str, known_keys: frozenset[str]) -> tuple[frozenset[str], 
     except ValueError:
         seconds = -1.0
     if not 0.0 < seconds <= MAX_SECONDS:
-        raise UsageError(f'--keys: "{words[1][:60]}" is no time in seconds.', remedy)
+        raise UsageError(f'--keys: "{words[1][:60]}" is not a time in seconds.', remedy)
     if words[0].lower() == IDLE:
         return frozenset(), seconds
     keys = frozenset(words[0].lower().split("+"))
@@ -96,7 +96,7 @@ class Devices:
             self.keyboard.release_all()
         pad = self.pads.poll()
         before, self.name = self.name, KEYBOARD if pad is None else pad.name
-        changed = f"{self.name} connected." if pad else "Gamepad gone: keyboard and mouse drive."
+        changed = f"{self.name} connected." if pad else "Gamepad disconnected: use keyboard and mouse."
         intent = self.mapper.read(
             self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take, listed,
             settings.pad_buttons, settings.keys,

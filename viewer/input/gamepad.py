@@ -118,7 +118,7 @@ class GlfwGamepads:
         if good:
             self.glfw.update_gamepad_mappings("\n".join(good) + "\n")
         bad = len(said) - len(good)
-        return f"{path}: {bad} lines are no SDL gamepad mapping and were left out." if bad else ""
+        return f"{path}: {bad} lines are not SDL gamepad mappings and were ignored." if bad else ""
 
 
 def _is_mapping(line: str) -> bool:

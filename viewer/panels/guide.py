@@ -20,7 +20,7 @@ DONE_SECONDS = 6.0  # for which the finished list stays
 STEPS = (
     ("Walk", "W A S D or the left stick"),
     ("Prompt", "Press Enter and type, for example: an old king"),
-    ("Edit an arm", "Under Body parts: other words for an arm, then Enter"),
+    ("Edit an arm", "Under Body parts, type other words for an arm, then Enter"),
     ("Record", "R starts a take, R ends it"),
     ("Export", "Under Takes, or Ctrl+E for every format"),
 )
@@ -102,7 +102,7 @@ def _draw(guide: Guide, view: Rect) -> None:
             place = f"{left[0] + 1} of {len(STEPS)}"
             widgets.label(f"Step {place}" if small else f"The first minute, step {place}", theme.ACCENT)
         else:
-            widgets.muted("That is all. The session menu gives it a name.", wrap=True)
+            widgets.muted("Done. Name the session in its menu.", wrap=True)
         for step in left[:1] if small else range(len(STEPS)):
             _step(step, step not in left, step in left[:1])
         if widgets.button("Skip##guide" if left else "Close", -1):

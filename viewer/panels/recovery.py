@@ -28,21 +28,21 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
         if defect is None:
             return
         widgets.muted(
-            f"The program met a defect while {defect.doing}. What it was about is closed, the rest goes on.",
+            f"An internal error occurred while {defect.doing}. The affected part was closed; everything else keeps running.",
             wrap=True,
         )
-        kept = sessions.editor.file.problem or f"Your work is kept: the session {sessions.name} is written."
+        kept = sessions.editor.file.problem or f"Your work is safe: the session {sessions.name} is written."
         widgets.text(
             printable(kept), theme.ERROR if sessions.editor.file.problem else theme.ACCENT, wrap=True
         )
-        where = "It could not be written." if defect.path is None else printable(defect.path)
+        where = "It could not be saved." if defect.path is None else printable(defect.path)
         widgets.label(f"Report: {where}")
         room = imgui.ImVec2(-1, px(REPORT_HEIGHT_PX))
         imgui.input_text_multiline("##report", defect.report, room, imgui.InputTextFlags_.read_only)
         copy = partial(imgui.set_clipboard_text, defect.report)
         show = None if defect.path is None else partial(messages.show_in_folder, defect.path)
         widgets.buttons(
-            ("Copy the report", "To send it to those who make the program", copy),
+            ("Copy the report", "To send it to the developers", copy),
             ("Show in folder##report", "", show),
             ("Continue##defect", "", defects.dismiss),
             primary=2,
@@ -80,7 +80,7 @@ class CutOffWindow:
         if left is None or left.path == sessions.editor.file.path:  # it has been opened elsewhere
             self.left = None
             return
-        imgui.text_wrapped("The last run ended without being closed. Its work is kept:")
+        imgui.text_wrapped("The program was not closed properly. Your work is safe:")
         widgets.text(printable(describe(left)), theme.ACCENT, wrap=True)
 
         def reopen() -> None:
@@ -95,8 +95,8 @@ class CutOffWindow:
         named = sessions.cut_off is None or left.path != sessions.cut_off.path
         with widgets.disabled(sessions.jobs.busy(OPENING)):
             widgets.buttons(
-                ("Reopen##cut off", "Open it again with all that was recorded", reopen),
+                ("Reopen##cut off", "Reopen it with everything recorded", reopen),
                 ("Later##cut off", "It stays under Takes and in the session's menu", self.close),
-                ("Discard##cut off", "Remove it for good", None if named else discard),
+                ("Discard##cut off", "Delete it permanently", None if named else discard),
                 primary=0,
             )

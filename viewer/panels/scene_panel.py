@@ -80,10 +80,10 @@ class ScenePanel:
         imgui.set_next_item_width(-load_width - imgui.get_frame_height() - px(8))
         entered, scene.file_path = widgets.input_text("##path", scene.file_path, "PNG, OBJ, GLB, VRM, BVH")
         widgets.same_line()
-        if widgets.icon_button(ICON.folder, "browse file", "Choose by a dialog", theme.TEXT):
+        if widgets.icon_button(ICON.folder, "browse file", "Browse…", theme.TEXT):
             self.browse()
         widgets.same_line()
-        hint = "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH), as by dropping a file"
+        hint = "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH), as when dropping a file"
         load = widgets.button("Open", load_width, hint)
         path = scene.file_path.strip().strip('"')
         if (entered or load) and path:
@@ -126,7 +126,7 @@ def _character(scene: Scene) -> None:
         if scene.editor.session.character.shape != BodyShape() and widgets.button("Its own shape", -1):
             scene.set_shape(BodyShape())
     elif not chosen and scene.character_path is not None:
-        if widgets.button("Joints…", px(80), "Which joint of this character plays which of ours"):
+        if widgets.button("Joints…", px(80), "Map this character's joints to the SPORT skeleton"):
             scene.joints.begin(scene.character_path)
         widgets.same_line()
         widgets.setting_toggle(scene.settings, "fit_to_motion", -1)
@@ -166,10 +166,10 @@ def _views(scene: Scene) -> None:
     shown = [(name, text) for name, text in VIEWS.items() if name != "top"]
     widgets.buttons(
         *(
-            (f"{text}##view {name}", f"The character from there ({key})", partial(scene.view, name))
+            (f"{text}##view {name}", f"View from this direction ({key})", partial(scene.view, name))
             for key, (name, text) in enumerate(shown, 1)
         ),
-        ("Frame##frame", "Bring the whole character into the middle (0)", scene.frame_character),
+        ("Frame##frame", "Frame the whole character (0)", scene.frame_character),
     )
 
 

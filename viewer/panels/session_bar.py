@@ -82,7 +82,7 @@ class SessionBar:
         file, cut_off = sessions.editor.file, sessions.cut_off is not None
         mark = f"  {ICON.warning}" if file.problem or cut_off else ""
         label = widgets.named(f"{ICON.folder} {sessions.name}", "#session", mark, NAME_WIDTH_PX)
-        hint = "Session: open, save, earlier ones. Every edit is saved at once."
+        hint = "Session: open, save, recent ones. Every edit is saved at once."
         if sessions.path is not None:
             hint = f"{printable(sessions.path)}\nEvery edit is saved at once."
         if widgets.button(label, 0.0, file.problem or hint):

@@ -87,10 +87,10 @@ class SettingsWindow:
         settings = self.settings
         self._interface()
         self._export_folder()
-        widgets.row("Seconds kept", "How much T keeps")
+        widgets.row("Seconds kept", "Length of takes kept with T")
         widgets.setting_slider(settings, "keep_seconds")
         self._model()
-        widgets.row("Navigation", "Mouse in the view as in another program")
+        widgets.row("Navigation", "Mouse navigation as in another program")
         widgets.setting_choice(settings, "navigation")
         widgets.row("Dead zone", "Of the gamepad's sticks")
         widgets.setting_slider(settings, "dead_zone")
@@ -115,7 +115,7 @@ class SettingsWindow:
 
     def _interface(self) -> None:
         settings = self.settings
-        widgets.row("Interface", "Size of everything; at the next frame")
+        widgets.row("Interface", "Size of the whole interface")
         scale = float(str(widgets.combo("##ui scale", SCALES, settings.ui_scale)))
         if scale != settings.ui_scale:
             settings.ui_scale = scale
@@ -132,7 +132,7 @@ class SettingsWindow:
         if text.strip() and text != printable(settings.export_folder):
             settings.export_folder = text.strip()
         widgets.same_line()
-        if widgets.icon_button(ICON.folder, "browse folder", "Choose by a dialog", theme.TEXT):
+        if widgets.icon_button(ICON.folder, "browse folder", "Browse…", theme.TEXT):
 
             def chosen(path: Path) -> None:
                 settings.export_folder = under_home(path)
@@ -151,7 +151,7 @@ class SettingsWindow:
                 changes, had = rebound(table, changes, action, chosen)
                 setattr(self.settings, setting, changes)
                 others = " and ".join(map(_named, had))
-                gets = f" {others} had it, and gets {texts[key]}." if had else ""
+                gets = f" {others} is now on {texts[key]}." if had else ""
                 self.messages.note(f"{_named(action)}: {texts[chosen]}.{gets}")
 
     def _model(self) -> None:

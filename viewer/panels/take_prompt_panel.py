@@ -58,7 +58,7 @@ def _restyle(editing: Resimulation) -> None:
         _hold(editing)
         if widgets.button(f"{ICON.wand} Restyle", -1, primary=True) or entered:
             restyle(editing, editing.prompt)
-    widgets.muted("The new take lies beside it, on the ground that is shown.", wrap=True)
+    widgets.muted("The new take is added to the list, on the ground shown.", wrap=True)
 
 
 def _fill(editing: Resimulation, mark: Mark) -> None:

@@ -93,8 +93,8 @@ def _cut_off(sessions: Sessions) -> None:
     widgets.fitted(f"Cut off: {printable(describe(left))}", width - px(26), theme.TEXT)
     with widgets.disabled(sessions.jobs.busy(OPENING)):
         widgets.buttons(
-            ("Reopen", "Open it again with all that was recorded", partial(sessions.open, left.path)),
-            ("Discard", "Remove it for good", partial(sessions.discard, left)),
+            ("Reopen", "Reopen it with everything recorded", partial(sessions.open, left.path)),
+            ("Discard", "Delete it permanently", partial(sessions.discard, left)),
             primary=0,
         )
     imgui.separator()
@@ -152,7 +152,7 @@ def _search(takes: Takes) -> None:
     side = imgui.get_frame_height()
     imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
     _, takes.search = imgui.input_text_with_hint("##search takes", f"{ICON.search} Search", takes.search)
-    widgets.tooltip("Words of names, notes and prompts; *** finds three stars and more")
+    widgets.tooltip("Words of names, notes and prompts; *** finds three or more stars")
     widgets.same_line()
     order = takes.settings.takes_order
     tint = theme.ACCENT if order else theme.MUTED
@@ -302,7 +302,7 @@ def _take_menu(panel: TakesPanel, take: Take) -> None:
     _choice("Rating", ratings, take.rating, partial(takes.rate, number))
     if widgets.item("Note"):
         takes.begin_rename(number, noting=True)
-    if widgets.item("Mirror", "A second take with left and right exchanged"):
+    if widgets.item("Mirror", "A copy of the take with left and right swapped"):
         takes.mirror(number)
     _compare(takes, references, take)
     _animations(takes, references, take)
@@ -322,7 +322,7 @@ def _versions(takes: Takes, take: Take) -> None:
         current = version.motion == take.motion
         now = " (now)" if current else ""
         if imgui.begin_menu(widgets.named(f"{number}. {label}", f"version {number}", now)):
-            if widgets.item("Go back to it", enabled=not current):
+            if widgets.item("Restore it", enabled=not current):
                 takes.go_back_to(version)
             if widgets.item("Compare with it", enabled=not current):
                 takes.compare_with(version)

@@ -15,7 +15,7 @@ BAR_WIDTH_PX = 46.0  # at scale 1
 _ANSWERED = {  # by the source of an answer
     "library": ("Library", "Composed from the shipped library's nearest prompts"),
     "gpt": ("GPT", "Written by the language model"),
-    "explicit": ("Explicit", "The prompt itself says what the parts do"),
+    "explicit": ("Explicit", "The prompt itself describes the parts"),
 }
 
 
@@ -49,7 +49,7 @@ def _missing(controller: PromptController, answer: Answer | None, pending: bool)
         return f"{ICON.clock} Preparing the style…" if pending else f"{ICON.note} Type a prompt."
     if pending or not answer.prompt or any(box.text.strip() for box in controller.boxes):
         return ""
-    return f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then."
+    return f"{ICON.note} Type a prompt; “{answer.prompt}” stays in force until then."
 
 
 def _who(answer: Answer, pending: bool, model: str, rows: int) -> None:

@@ -165,12 +165,12 @@ def _fields(model: LanguageModel) -> None:
     settings = model.settings
     settings.gpt_base_url, other_url = _text("Base URL", "##url", OPENAI_URL, settings.gpt_base_url)
     if has_credentials(settings.gpt_base_url):
-        widgets.label("It may hold a key or a password: it is not kept for the next start.", theme.WARNING)
+        widgets.label("It may contain a key or a password, so it is not saved.", theme.WARNING)
     settings.gpt_model, other_model = _text("Model", "##model", DEFAULT_MODEL, settings.gpt_model)
     none = "none (endpoints of your own may need none)"
     hint = "from OPENAI_API_KEY" if model.key_from_environment else none
     model.key, other_key = _text("API key", "##key", hint, model.key, imgui.InputTextFlags_.password)
-    widgets.label("The key stays in memory: no file, no log, no take has it.")
+    widgets.label("The key stays in memory; it is never written to a file, log or take.")
     widgets.full_width()
     widgets.setting_slider(settings, "gpt_timeout_s")
     if other_url or other_model or other_key or imgui.is_item_deactivated_after_edit():

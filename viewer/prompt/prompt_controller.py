@@ -160,7 +160,7 @@ class PromptController:
         if held and self.prompt.b is not None:
             self._do("end of the blend", lambda b: b.with_all_weights(0.0))
             names = ", ".join(map(named, sorted(held)))
-            self.messages.note(f"Locked with a weight of prompt B, which they keep: {names}.")
+            self.messages.note(f"Locked parts keep their weight of prompt B: {names}.")
         elif self.prompt.b is not None:
             self._do("end of the blend", lambda b: dataclasses.replace(b, answers=(b.a, None), weights=ALL_A))
         self.boxes[Side.B].text = self.prompt.prompt(Side.B)
@@ -394,7 +394,7 @@ class PromptController:
     def answer(self, request: Request) -> Answer:
         """Return the final answer to a prompt or six descriptions, for a take; blocks, so call it on a worker."""
         if self.workers is None:
-            raise PromptError("No model is loaded that could read a prompt.", "Wait until it is there.")
+            raise PromptError("No model is loaded to read a prompt.", "Wait until it is loaded.")
         return self.workers[Side.A].answer(request)
 
     def close(self, seconds: float = CLOSE_SECONDS) -> None:

@@ -29,8 +29,7 @@ from viewer.settings import Settings
 HINT = "How should the character move?\nFor example: an exhausted soldier"
 HINT_B = "A second prompt to blend with"
 EXACT_HINT = (
-    "An exact edit adds what the network does not show of these words."
-    " “Exact edits” in Settings turns it off."
+    "A body edit adds what the network does not show of these words. “Exact edits” in Settings turns it off."
 )
 WEAK_HINT = "The walk shows little of these words. Other words may show more."
 NEAREST_ROWS = 3  # in a tall panel, else one
@@ -130,7 +129,7 @@ class PromptPanel:
 
     def _apply(self) -> None:
         width, text = imgui.get_content_region_avail().x, self.controller.boxes[Side.A].text
-        hint = "Enter in the box does the same; Ctrl+Enter begins a new line"
+        hint = "Enter in the box does the same; Ctrl+Enter starts a new line"
         if widgets.button(f"{ICON.wand} Apply", width * 0.29, hint, primary=True) and text.strip():
             self.controller.submit_prompt(text)
         widgets.same_line()
@@ -271,13 +270,11 @@ def _part_buttons(
     size = LABEL_HEIGHT_PX + 3
     if said:
         imgui.set_cursor_pos(imgui.ImVec2(right.x - 2 * px(size) - px(2), right.y))
-        if widgets.icon_button(ICON.original, "reset", f"Back to what was said: “{said}”", size=size):
+        if widgets.icon_button(ICON.original, "reset", f"Reset to “{said}”", size=size):
             controller.reset_part(part)
     imgui.set_cursor_pos(imgui.ImVec2(right.x - px(size), right.y))
     free = "Keep these words when the prompt changes"
-    if _lock_button(
-        "lock", locked, "Locked: the next prompt leaves these words alone" if locked else free, size
-    ):
+    if _lock_button("lock", locked, "Locked: a new prompt keeps these words" if locked else free, size):
         controller.toggle_lock(part)
 
 
@@ -326,7 +323,7 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
         moved, weight = _weight_slider("All", "all", blend.master_weight)
     if moved:
         controller.set_all_weights(weight)
-    widgets.tooltip("Every part that is not locked")
+    widgets.tooltip("Weight of all unlocked parts")
     imgui.separator()
     words, words_b = part_words(blend), blend.b.words
     for part, weight in zip(PART_NAMES, blend.weights, strict=True):

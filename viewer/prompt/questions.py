@@ -122,4 +122,4 @@ def _of_answer(answer: Answer, prompt: str, model: str, followed: bool) -> tuple
     if answer.nearest:
         text, similarity = answer.nearest[0]
         return f"Library: {prompt} is {similarity:.0%} like “{text}”.", Level.NOTE
-    return f"{prompt} itself says what the parts do.", Level.NOTE
+    return f"{prompt} itself describes the parts.", Level.NOTE

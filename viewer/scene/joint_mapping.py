@@ -153,7 +153,7 @@ def panel(mapping: JointMapping) -> Panel:
 def _found(state: JointMapping, guess: JointGuess, room: float) -> None:
     path = printable("" if state.path is None else state.path.name)
     count = f"{len(guess.found)} of our {len(SPORT_SKELETON)} joints found by {guess.origin}"
-    found = count if guess.found else "no joint found by names, tree or rest pose"
+    found = count if guess.found else "no joint found by names, hierarchy or rest pose"
     by_hand = f", {len(state.chosen)} by hand" if state.chosen else ""
     widgets.muted(widgets.elided(f"{path}: {found}{by_hand}", room))
     widgets.tooltip(printable(state.path))
@@ -162,7 +162,7 @@ def _found(state: JointMapping, guess: JointGuess, room: float) -> None:
         widgets.text(widgets.elided(f"Still missing: {missing}", room), theme.ERROR)
         widgets.tooltip(missing)
     else:
-        widgets.muted("Nothing is missing. Joints without a partner follow their neighbours.")
+        widgets.muted("Nothing is missing. Unmapped joints follow their neighbours.")
 
 
 def _file_joints(state: JointMapping, guess: JointGuess) -> None:
@@ -190,7 +190,7 @@ def _mapped_joint(state: JointMapping, guess: JointGuess, joint: int) -> None:
     widgets.full_width()
     shown = f"{printable(plays)}  ({'by hand' if by_hand else 'guessed'})"
     if not plays:
-        shown = "missing" if lost else "none: follows"
+        shown = "missing" if lost else "none (follows)"
     with widgets.color(imgui.Col_.text, theme.ERROR if lost else theme.ACCENT if by_hand else theme.TEXT):
         opened = imgui.begin_combo(f"##joint {name}", shown, imgui.ComboFlags_.height_large)
     if opened:
@@ -209,7 +209,7 @@ def _choices(state: JointMapping, guess: JointGuess, name: str, plays: str) -> N
     text = f"As guessed: {printable(state.guessed(name)) or 'none'}"
     if imgui.selectable(f"{text}##as guessed", name not in state.chosen)[0]:
         state.choose(name, None)
-    if imgui.selectable("None of them##none", name in state.chosen and not plays)[0]:
+    if imgui.selectable("None##none", name in state.chosen and not plays)[0]:
         state.choose(name, "")
     imgui.separator()
     for k, depth in _ordered(guess):
@@ -227,7 +227,7 @@ def _end(state: JointMapping) -> None:
     guess_all, apply = state.guess_all if state.chosen else None, None if state.missing else state.apply
     hint = "Saved next to the file, and used whenever it is opened"
     widgets.buttons(
-        ("As guessed##guess all", "Discard all choices made by hand", guess_all),
+        ("As guessed##guess all", "Discard all manual choices", guess_all),
         (f"{ICON.check} Apply##apply joints", hint, apply),
         primary=1,
     )

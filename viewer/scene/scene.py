@@ -438,7 +438,7 @@ class Scene:
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:
             self._render_with("fast")
-            self.messages.note("Drawing is slow: quality is “Fast” now. Scene has the others.")
+            self.messages.note("Rendering is slow: quality was set to “Fast”. Change it in Scene.")
 
     def _render_with(self, name: str) -> None:
         renderer = self.services.make_renderer(self.ctx, name)

@@ -156,7 +156,7 @@ class Simulation:
         try:
             pose = controller.step(controls)
             if not (np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all()):
-                raise ValueError("it answered with values that are not numbers")
+                raise ValueError("its output was not finite")
         except Exception as error:  # an arbitrary network may fail in any way; the window must survive
             _LOG.exception("the model failed")
             self._fail(str(error) or type(error).__name__)
@@ -175,7 +175,7 @@ class Simulation:
 
     def _fail(self, failure: str) -> None:
         self._failures += 1
-        after = _STANDS if self.halted else "It was set back to its last good pose."
+        after = _STANDS if self.halted else "It was reset to its last valid pose."
         self.problem = f"The motion model failed: {failure}. {after}"
         self.previous = self.current
         if self.controller is None or self.halted:

@@ -345,7 +345,7 @@ class Sessions:
         folder = self._known_model(wanted)
         if folder is None:
             self.messages.warn(
-                f"The session's model {wanted.name or wanted.folder!r} is not one that is known here: takes play and"
+                f"The session's model {wanted.name or wanted.folder!r} is not known here: takes play and"
                 " export, but cannot be resimulated until you choose it in the settings."
             )
         elif folder != model_folder(self.scene.model_folder):

@@ -154,7 +154,7 @@ class LibraryExpander:
         entries = self._entries_on(named_side(_text(words)) or parsed.side, parsed.parts)
         note, text = "", parsed.rest
         if reading.denied:
-            note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."
+            note = f"Ignored, because it is denied: “{_short(', '.join(reading.denied))}”."
             text = reading.affirmed(words)
             if not text:
                 return self._denied(reading.denials, parsed.parts, note)

@@ -162,11 +162,11 @@ class ChatClient:
             message = choice["message"]
             content, refusal = message.get("content"), message.get("refusal")
         except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
-            raise self._error("answers with something that is no chat completion.", f"Check {URL}.") from None
+            raise self._error("answers with no chat completion.", f"Check {URL}.") from None
         if refusal:
             raise self._error(f"refuses the prompt: “{self._clean(refusal)}”.", "Ask in other words.")
         if isinstance(content, str) and not is_text(content):
-            raise self._error("answers with characters that are none.", "Try again, or choose another model.")
+            raise self._error("answers with invalid characters.", "Try again, or choose another model.")
         if not isinstance(content, str):
             raise self._error("answers without text.", f"Choose another model by {MODEL}.")
         return content

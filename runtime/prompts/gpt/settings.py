@@ -73,7 +73,7 @@ class GptSettings:
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[!-~]*", self.api_key.reveal()):
             raise UsageError(
-                f"API key ({KEY}): has characters that no key has.",
+                f"API key ({KEY}): contains invalid characters.",
                 "Copy the key again, without line breaks.",
             )
         _check_url(self.base_url)

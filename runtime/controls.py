@@ -1,4 +1,4 @@
-"""What the user asks of the character in one frame, free of any device."""
+"""Control input of the character for one frame, independent of devices."""
 
 from __future__ import annotations
 

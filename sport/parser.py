@@ -1,4 +1,4 @@
-"""The command line: the commands and their arguments, and the mistakes in them by the names that were typed."""
+"""The command line: commands and arguments, with errors that name the arguments as typed."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _with_flag(error: UsageError) -> UsageError:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports a mistake in one sentence, as every other error of the command, not with a page of usage."""
+    """Reports a mistake in one sentence, like every other error of the command, instead of printing usage."""
 
     def error(self, message: str) -> NoReturn:
         said = str(UsageError(message))  # on one line, whatever was typed

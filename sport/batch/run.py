@@ -1,4 +1,4 @@
-"""Runs a batch from its list to its manifest: files that are there are kept, missing ones are made, failures are listed."""
+"""Runs a batch from its list to its manifest: existing files are kept, missing ones are made, failures are listed."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
 
 
 def _make(lines: Iterator[Line], manifest: Manifest, progress: BatchProgress) -> None:
-    """Put lines into the manifest as they come."""
+    """Append lines to the manifest as they arrive."""
     try:
         for line in lines:
             manifest.add(line)
@@ -90,7 +90,7 @@ def _held(folder: Path) -> Iterator[None]:
 
 
 class Manifest:
-    """Holds what is known of the rows of `folder`; `add` appends a line that a crash cannot take back."""
+    """The known rows of `folder`; `add` appends a line that survives a crash."""
 
     def __init__(self, folder: Path) -> None:
         self.path = below(folder, MANIFEST)
@@ -112,7 +112,7 @@ class Manifest:
             if self._file is None:
                 self._file = self.path.open("ab")
                 if self._file.tell() and not self.path.read_bytes().endswith(b"\n"):
-                    self._file.write(b"\n")  # after a line that was cut off
+                    self._file.write(b"\n")  # after a truncated line
             self._file.write(_text(line).encode("utf-8"))
             self._file.flush()
             os.fsync(self._file.fileno())
@@ -126,7 +126,7 @@ class Manifest:
         write_atomic(self.path, "".join(_text(self.lines[n]) for n in sorted(numbers) if n in self.lines))
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -153,7 +153,7 @@ def _text(line: Line) -> str:
 
 @dataclass
 class BatchProgress:
-    """Shows progress in one line on a terminal, a line every tenth in a log; `kept` counts clips that were there already."""
+    """Progress in one line on a terminal, or a line every tenth in a log; `kept` counts clips that already existed."""
 
     total: int
     kept: int = 0
@@ -167,7 +167,7 @@ class BatchProgress:
         return 60.0 * (self.made + self.failed) / max(time.monotonic() - self.begun_s, 1e-6)
 
     def add(self, failed: bool) -> None:
-        """Count a row that is done, and show counts, rows a minute, and the time that is left."""
+        """Count a finished row, and show counts, rows per minute and the remaining time."""
         self.failed, self.made = self.failed + failed, self.made + (not failed)
         done = self.kept + self.made + self.failed
         left_s = (self.total - done) / max(self.per_minute, 1e-6) * 60.0

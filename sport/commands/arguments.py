@@ -18,7 +18,7 @@ Subparsers = argparse._SubParsersAction  # what `add_subparsers` returns
 
 
 def declare(command: argparse._ActionsContainer, table: Mapping[str, Mapping[str, Any]]) -> None:
-    """Declare the arguments of a table: by the flag what `add_argument` takes."""
+    """Declare the arguments of a table: flag to keyword arguments of `add_argument`."""
     for flag, spec in table.items():
         command.add_argument(flag, **spec)
 

@@ -1,4 +1,4 @@
-"""Places the panels: a pure function of the window, so that nothing can overlap at any size or scale."""
+"""Places the panels as a pure function of the window size, so that nothing can overlap at any size or scale."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ MARGIN_PX = 10.0  # all lengths at scale 1
 STATUS_HEIGHT = 30.0
 LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
 SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
-# two rows of buttons, the ruler and the tracks that every take has; more of them scroll
+# two rows of buttons, the ruler and the tracks of every take; further tracks scroll
 TIMELINE_HEIGHT = 257.0
-TRACKS_HEIGHT = 144.0  # of that, the tracks
+TRACKS_HEIGHT = 144.0  # the tracks' part of it
 # in views of such heights the tracks grow by this fraction
 TALL_FROM_PX, TALL_TO_PX, TALLER_FRACTION = 700.0, 1000.0, 0.6
 MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
-SCENE_PANEL_HEIGHT = 350.0  # with its sections folded; they scroll where there is no more room
+SCENE_PANEL_HEIGHT = 350.0  # with its sections folded; they scroll if there is less room
 SCENE_SHARE = 0.53  # of a tall column
 CLIPS_MIN_HEIGHT = 210.0
-PROMPT_MAX_HEIGHT = 770.0  # what the six fields fill
-MIN_VIEW_SHARE = 0.2  # of the window's width; in less nothing is centred
+PROMPT_MAX_HEIGHT = 770.0  # filled by the six fields
+MIN_VIEW_SHARE = 0.2  # of the window's width; a narrower view does not centre the character
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Layout:
     """
 
     status: Rect
-    view: Rect  # what stays free for the character
+    view: Rect  # the free area for the character
     transport: Rect | None = None
     prompt: Rect | None = None
     scene: Rect | None = None
@@ -102,7 +102,7 @@ def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
 
 
 def _timeline(view: Rect, scale: float) -> Rect | None:
-    """Return the place under the view, from which it takes: `framing` shows the character above it."""
+    """Return the place under the view; `framing` shows the character above it."""
     m = MARGIN_PX * scale
     room = min(max((view.height / scale - TALL_FROM_PX) / (TALL_TO_PX - TALL_FROM_PX), 0.0), 1.0)
     wanted = (TIMELINE_HEIGHT + room * TALLER_FRACTION * TRACKS_HEIGHT) * scale

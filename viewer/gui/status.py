@@ -1,4 +1,4 @@
-"""The status line: the message on the left, with the list of the last ones behind it; the machine on the right."""
+"""The status line: message on the left, with a list of recent ones; facts about the machine on the right."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LOOKS = {
 }
 MIN_MESSAGE_WIDTH = 260.0
 SHOW = "Show in folder"
-ICON_WIDTH = 26.0  # before a message
+ICON_WIDTH = 26.0  # left of a message
 LIST, LIST_WIDTH = "messages", 620.0
 DRIVE_HINT = "W A S D or the left stick to move,  F1 for all controls"
 FPS_HALF_LIFE_S = 0.5
@@ -27,10 +27,10 @@ FPS_HALF_LIFE_S = 0.5
 
 @dataclass
 class Stats:
-    frame_ms: float = 0.0  # work of one frame, without waiting
-    fps: float = 0.0  # frames shown a second
-    steps_per_s: float = 0.0  # simulation steps a second; 60 is real time
-    memory_mb: float = 0.0  # that the program holds; 0 where the system does not tell
+    frame_ms: float = 0.0  # working time per frame
+    fps: float = 0.0  # displayed frames per second
+    steps_per_s: float = 0.0  # simulation steps per second; 60 is real time
+    memory_mb: float = 0.0  # in use by the program; 0 if unknown
 
     def add(self, work_s: float, interval_s: float, steps: int) -> None:
         """Add a frame to the statistics: working time and interval since the last frame (seconds), and simulation steps."""
@@ -101,7 +101,7 @@ def _message(message: Message | None, width: float, show: Callable[[Path], None]
 
 
 def _opens_list(text: str = "") -> None:
-    """Open the list of messages at a click on the item before."""
+    """Open the list of messages when the previous item is clicked."""
     if imgui.is_item_hovered():
         widgets.tooltip(f"{text}\nClick for recent messages".lstrip())
         if imgui.is_mouse_clicked(0):

@@ -13,7 +13,7 @@ from typing import Any
 from viewer.gl_bindings import imgui
 from viewer.gui.theme import FONT_SIZE_PX
 
-# By script, the ones to be preferred first, in lower case.
+# By script, preferred ones first, in lower case.
 NAMES: dict[str, tuple[str, ...]] = {
     "Chinese and Japanese": (
         "notosanscjk-regular.ttc", "notosanscjkjp-regular.otf", "notosansjp-regular.otf", "notosansjp-regular.ttf",
@@ -56,8 +56,8 @@ class SystemFonts:
     """Adds system fonts to the panels' font when a text first needs them."""
 
     regular: Any
-    _seen: set[str] = field(default_factory=set)  # characters that were looked at
-    _rest: list[Path] | None = None  # fonts that were not loaded yet; None before any was looked for
+    _seen: set[str] = field(default_factory=set)  # characters already checked
+    _rest: list[Path] | None = None  # fonts not loaded yet; None before the first search
 
     def cover(self, texts: Iterable[str]) -> str:
         """Load fonts for new characters; return those that no font contains."""
@@ -79,7 +79,7 @@ class SystemFonts:
         config.merge_mode, config.dst_font = True, self.regular
         try:
             imgui.get_io().fonts.add_font_from_file_ttf(str(path), FONT_SIZE_PX, config)
-        except RuntimeError:  # ImGui's word for a file that is no font
+        except RuntimeError:  # ImGui's error for an invalid font
             _LOG.warning("%s: this font cannot be read.", path)
             return
         _LOG.info("Font %s", path)

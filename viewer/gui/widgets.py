@@ -1,4 +1,4 @@
-"""Small building blocks of the panels, and widgets of settings; lengths in pixels at scale 1 go through `px`."""
+"""Small building blocks of the panels, and widgets for settings; lengths in pixels at scale 1 go through `px`."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from viewer.gui.theme import Color
 from viewer.settings import Settings
 
 GAP_PX = 4.0  # between items side by side, pixels at scale 1
-LABEL_WIDTH = 150.0  # of the name of a row, pixels at scale 1
-TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 290.0, 180.0  # pixels at scale 1
+LABEL_WIDTH = 150.0  # of a row's label, at scale 1
+TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 290.0, 180.0  # at scale 1
 TOOLTIP_LENGTH = 360  # characters
-TOOLTIP_EDGE_PX = 40.0  # a column is at most so far from the edge of the window
+TOOLTIP_EDGE_PX = 40.0  # maximum distance of a column from the edge of the window
 
 
 _PRIMARY: dict[int, Color] = {
@@ -116,7 +116,7 @@ def tooltip(text: str) -> None:
 def _place_in_view() -> float:
     """Put the next window into the view next to the item's column; return the width of its text.
 
-    That of a bar along the bottom, as the timeline, stands over the bar. Of what lies in no column at the left or right
+    For a bar along the bottom, such as the timeline, it is above the bar. For items outside the left and right columns
     the tooltip stays at the mouse.
     """
     root = imgui.internal.get_current_window().root_window
@@ -309,7 +309,7 @@ def elided(text: str, width: float) -> str:
 def named(name: str, key: object, about: str = "", width: float = 220.0) -> str:
     """Return the label of an item for a name of any text: on one line, cut to pixels at scale 1, `about` it, and ImGui's `key`."""
     shown = elided(" ".join(printable(name).split()), px(width))
-    return f"{re.sub('#(?=#)', '# ', shown)}{about}##{key}"  # what follows ## would not be shown
+    return f"{re.sub('#(?=#)', '# ', shown)}{about}##{key}"  # text after ## would be hidden
 
 
 def sign(view: Rect, text: str, tint: Color) -> None:

@@ -1,4 +1,4 @@
-"""Joins keyboard, gamepad and the script of keys to one request in each frame."""
+"""Combines keyboard, gamepad and key script into one request per frame."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ class Devices:
 
     pads: GamepadSource
     script: KeyScript
-    press: Callable[[str, bool], None]  # does as if a key went down or up
+    press: Callable[[str, bool], None]  # simulates a key press or release
     keyboard: Keyboard = field(default_factory=Keyboard)
     mapper: InputMapper = field(default_factory=InputMapper)
     name: str = KEYBOARD
     _scripted: frozenset[str] = frozenset()
-    _keys: str = ""  # changes, see `bindings.bound`
+    _keys: str = ""  # the user's changes, see `bindings.bound`
 
     def acts_alone(self, name: str) -> bool:
         """Return whether a single letter is bound to an action in the view."""

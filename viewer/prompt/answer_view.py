@@ -1,4 +1,4 @@
-"""Who answered a prompt, the nearest prompts with bars of their similarity, and remarks."""
+"""Source of a prompt's answer, the nearest prompts with similarity bars, and remarks."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt.prompt_controller import PromptController, named
 
-NEAR_COSINE = 0.6  # similarity from which a library prompt is near
+NEAR_COSINE = 0.6  # similarity above which a library prompt is near
 BAR_WIDTH_PX = 46.0  # at scale 1
-_ANSWERED = {  # by the source of an answer
+_ANSWERED = {  # by source of an answer
     "library": ("Library", "Composed from the shipped library's nearest prompts"),
     "gpt": ("GPT", "Written by the language model"),
     "explicit": ("Explicit", "The prompt itself describes the parts"),
@@ -40,7 +40,7 @@ def draw_answer(
 
 
 def _missing(controller: PromptController, answer: Answer | None, pending: bool) -> str:
-    """Return what is said in the place of an answer that is not there; "" for one to be shown."""
+    """Return the text shown instead of a missing answer; "" if there is an answer."""
     if not controller.available:
         return f"{ICON.warning} Prompts need a motion model."
     if answer is None:

@@ -1,4 +1,4 @@
-"""Questions to whoever answers prompts, and what their answers make of a blend and of a session."""
+"""Pending prompt requests, and how their answers change a blend and a session."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from runtime.session.prompt_blend import Answer, PromptBlend, Side
 from runtime.session.session import Session
 from viewer.messages import Level
 
-FIRST_SHARE = 0.5  # of a new prompt B in every part that is not locked, so that it shows
-MAX_LABEL = 40  # characters of a prompt in the name of its step
+FIRST_SHARE = 0.5  # weight of a new prompt B in unlocked parts, so that it shows
+MAX_LABEL = 40  # characters of a prompt in its step's label
 Codes = Mapping[PartDescriptions, NDArray[np.float32]]  # (6, 64) of six descriptions
 
 
@@ -26,8 +26,8 @@ class Question:
     """A request on one side, until its final answer arrives."""
 
     request: Request
-    label: str  # of the step of undo
-    remembered: bool = False  # into the list of the last prompts
+    label: str  # of the undo step
+    remembered: bool = False  # in the list of recent prompts
     number: int = 0
     answered: bool = False  # a better answer is on its way
 

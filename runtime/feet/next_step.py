@@ -55,7 +55,7 @@ class SteppedOver:
 
     x: float = 0.0  # of the near edge, m
     z: float = 0.0
-    yaw: float = 0.0  # of the way across
+    yaw: float = 0.0  # direction across it
     length: float = -1.0  # from the near edge to the far one, m; negative if there is no obstacle
     ground: float = 0.0  # height before it, m
     rise: float = 0.0  # of the ground behind it

@@ -32,7 +32,7 @@ from runtime.skeleton import Skeleton
 USUAL_FPS = 30.0  # of an animation without a rate
 # in the order in which they are tried
 USUAL_RATES = (USUAL_FPS, 24.0, 25.0, 60.0, 48.0, 50.0, *VIDEO_RATES, 100.0, 240.0)
-# if keys lie on this fraction of a rate's frames, and on at least so many, every frame is a key
+# if keys lie on this fraction of a rate's frames, and there are at least this many, every frame counts as keyed
 DENSE_FRACTION, MIN_DENSE_STEPS = (0.9, 4)
 # minimum rate of keys in every frame: slower ones are keyframes, and cubics between them bend
 MIN_FPS, MIN_CUBIC_FPS = (4.5, 15.0)

@@ -23,7 +23,7 @@ from viewer.messages import Messages
 
 _LOG = logging.getLogger("sport.viewer")
 PATIENCE_S = 0.7  # faster reads and writes are not mentioned
-AT_ONCE = 2  # jobs that neither read nor write the user's files
+MAX_PARALLEL_JOBS = 2  # jobs that neither read nor write the user's files
 
 
 class JobCancelled(SportError):
@@ -73,7 +73,7 @@ class Jobs:
     blocking: bool = False
     first_error: SportError | None = None
     progress: dict[Slot, str] = field(default_factory=dict)  # progress text of a job; set by any thread
-    _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(AT_ONCE))
+    _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(MAX_PARALLEL_JOBS))
     _jobs: list[_Job] = field(default_factory=list)
 
     def submit(

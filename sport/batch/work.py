@@ -25,7 +25,7 @@ from runtime.errors import FileError, SportError
 from runtime.interrupts import end_children, signals_kept_from_children
 from sport.batch.rows import Task
 
-AHEAD = 2  # rows queued for each core
+QUEUED_PER_CORE = 2  # rows queued for each core
 # one thread per process: rows run in parallel
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 Line = dict[str, Any]  # of the manifest
@@ -86,7 +86,7 @@ def make_rows(
             under_way: dict[Future[Made], Task] = {}
             while under_way or (waiting and not died):
                 if not died:
-                    died += _submit(pool, waiting, under_way, AHEAD * workers)
+                    died += _submit(pool, waiting, under_way, QUEUED_PER_CORE * workers)
                 for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                     task = under_way.pop(future)
                     if isinstance(future.exception(), BrokenProcessPool):

@@ -154,7 +154,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(clips, "write_clips", write_clips)
     monkeypatch.setattr(run, "processes", lambda workers, scratch: Here())
-    monkeypatch.setattr(work, "AHEAD", 1)
+    monkeypatch.setattr(work, "QUEUED_PER_CORE", 1)
     monkeypatch.setattr(run, "cores", lambda: 1)
     return made
 

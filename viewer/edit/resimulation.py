@@ -38,7 +38,7 @@ from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
 RESIMULATION = Slot("resimulation of a take")
-MAX_LABEL = 32  # characters of a prompt in the label of an edit
+MAX_LABEL_CHARACTERS = 32  # characters of a prompt in the label of an edit
 # arguments: the clip, its input, a controller of its model and a progress callback; results: clip and input
 Work = Callable[[Clip, InputRecording, Steppable, Callable[[float], None]], tuple[Clip, InputRecording]]
 
@@ -320,7 +320,7 @@ def _answer_of(style: StyleChange) -> Answer | None:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= MAX_LABEL else text[: MAX_LABEL - 1] + "…"
+    return text if len(text) <= MAX_LABEL_CHARACTERS else text[: MAX_LABEL_CHARACTERS - 1] + "…"
 
 
 LATE_S = 0.15  # unreported difference of the new take's timing from the clip's

@@ -12,8 +12,8 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 
-WINDOW_WIDTH, WINDOW_HEIGHT = 470.0, 560.0  # pixels at scale 1
-END_HEIGHT = 100.0  # of the buttons and the last export's result
+WINDOW_WIDTH_PX, WINDOW_HEIGHT_PX = 470.0, 560.0  # pixels at scale 1
+FOOTER_HEIGHT_PX = 100.0  # of the buttons and the last export's result
 LISTS = ("part", "fps", "unit", "euler_order", "engine", "ground", "film_fps", "size", "camera")
 SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # minimum value, text
 TOGGLES = (
@@ -41,7 +41,7 @@ def panel(exporting: Exporting) -> Panel:
         with widgets.disabled(exporting.busy):
             _target(exporting)
             # the buttons below stay in place, however many options a format has
-            if imgui.begin_child("options", imgui.ImVec2(0, -px(END_HEIGHT))):
+            if imgui.begin_child("options", imgui.ImVec2(0, -px(FOOTER_HEIGHT_PX))):
                 _lists_and_sliders(exporting)
                 _toggles(exporting)
                 _strides(exporting)
@@ -50,7 +50,7 @@ def panel(exporting: Exporting) -> Panel:
         exporting.remember()
 
     return Panel(
-        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WINDOW_WIDTH, WINDOW_HEIGHT,
+        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WINDOW_WIDTH_PX, WINDOW_HEIGHT_PX,
         close=exporting.close,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from enum import Enum, auto
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.focus import OVER
-from viewer.gui.layout import STATUS_HEIGHT, Rect
+from viewer.gui.layout import STATUS_HEIGHT_PX, Rect
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import Action
@@ -135,7 +135,7 @@ def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
     """
     size = imgui.get_io().display_size
     beside = dim_behind(panel.name) if panel.modal else False
-    free = max(size.y - px(STATUS_HEIGHT), 1.0)
+    free = max(size.y - px(STATUS_HEIGHT_PX), 1.0)
     wide, high = min(px(panel.width), size.x - px(20)), free - px(20)
     top = (free - min(px(panel.height), high)) / 2 if panel.height else px(WINDOW_TOP_PX)
     imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, top), imgui.Cond_.appearing, imgui.ImVec2(0.5, 0.0))

@@ -17,10 +17,10 @@ _LOOKS = {
     Level.WARNING: (ICON.warning, theme.WARNING),
     Level.ERROR: (ICON.error, theme.ERROR),
 }
-MIN_MESSAGE_WIDTH = 260.0
+MIN_MESSAGE_WIDTH_PX = 260.0
 SHOW = "Show in folder"
-ICON_WIDTH = 26.0  # left of a message
-LIST, LIST_WIDTH = "messages", 620.0
+ICON_WIDTH_PX = 26.0  # left of a message
+LIST, LIST_WIDTH_PX = "messages", 620.0
 DRIVE_HINT = "W A S D or the left stick to move,  F1 for all controls"
 FPS_HALF_LIFE_S = 0.5
 
@@ -51,7 +51,7 @@ def draw(messages: Messages, facts: list[tuple[str, str]], doing: str, can_end: 
     message = messages.current
     width, gap = imgui.get_content_region_avail().x, px(18)
     text = DRIVE_HINT if message is None else message.text
-    wanted = max(imgui.calc_text_size(text).x + px(ICON_WIDTH) + gap, px(MIN_MESSAGE_WIDTH))
+    wanted = max(imgui.calc_text_size(text).x + px(ICON_WIDTH_PX) + gap, px(MIN_MESSAGE_WIDTH_PX))
     widths = [imgui.calc_text_size(text).x + gap for text, _ in facts]
     while len(widths) > 1 and sum(widths) - gap > width - wanted:
         widths.pop(0)
@@ -91,7 +91,7 @@ def _message(message: Message | None, width: float, show: Callable[[Path], None]
     widgets.text(icon, color)
     imgui.same_line(0, px(5))
     width -= imgui.calc_text_size(SHOW).x + px(24) if message.path else 0.0
-    shown = widgets.elided(message.text, width - px(ICON_WIDTH))
+    shown = widgets.elided(message.text, width - px(ICON_WIDTH_PX))
     widgets.text(shown, theme.TEXT if message.level is Level.NOTE else color)
     _opens_list("" if shown == message.text else message.text)
     if message.path is not None:
@@ -110,7 +110,7 @@ def _opens_list(text: str = "") -> None:
 
 def _list(messages: Messages) -> None:
     corner = imgui.get_window_pos()
-    width, space = min(px(LIST_WIDTH), imgui.get_window_width() - px(20)), imgui.get_io().display_size.y
+    width, space = min(px(LIST_WIDTH_PX), imgui.get_window_width() - px(20)), imgui.get_io().display_size.y
     imgui.set_next_window_pos(
         imgui.ImVec2(corner.x + px(10), corner.y - px(6)), imgui.Cond_.always, imgui.ImVec2(0, 1)
     )

@@ -35,7 +35,7 @@ FOLDERS: dict[str, tuple[str, ...]] = {
     "darwin": ("~/Library/Fonts", "/Library/Fonts", "/System/Library/Fonts"),
     "win32": ("${LOCALAPPDATA}/Microsoft/Windows/Fonts", "${WINDIR}/Fonts"),
 }
-FIRST = 0x0250  # the first character that may be missing
+FIRST_CODE = 0x0250  # code point of the first character that may be missing
 _LOG = logging.getLogger("sport.viewer")
 
 
@@ -61,7 +61,7 @@ class SystemFonts:
 
     def cover(self, texts: Iterable[str]) -> str:
         """Load fonts for new characters; return those that no font contains."""
-        new = {c for text in texts if not text.isascii() for c in text if ord(c) >= FIRST} - self._seen
+        new = {c for text in texts if not text.isascii() for c in text if ord(c) >= FIRST_CODE} - self._seen
         self._seen |= new
         missing = self._lacking(new)
         if missing and self._rest is None:

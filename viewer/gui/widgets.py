@@ -17,9 +17,9 @@ from viewer.gui.theme import Color
 from viewer.settings import Settings
 
 GAP_PX = 4.0  # between items side by side, pixels at scale 1
-LABEL_WIDTH = 150.0  # of a row's label, at scale 1
-TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 290.0, 180.0  # at scale 1
-TOOLTIP_LENGTH = 360  # characters
+LABEL_WIDTH_PX = 150.0  # of a row's label, at scale 1
+TOOLTIP_WIDTH_PX, TOOLTIP_MIN_WIDTH_PX = 290.0, 180.0  # at scale 1
+MAX_TOOLTIP = 360  # characters
 TOOLTIP_EDGE_PX = 40.0  # maximum distance of a column from the edge of the window
 
 
@@ -104,7 +104,7 @@ def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
 def tooltip(text: str) -> None:
     """Show a tooltip for the previous item, placed beside its panel so that it covers no field."""
     if text and imgui.is_item_hovered(_RESTING):
-        text = text if len(text) <= TOOLTIP_LENGTH else text[: TOOLTIP_LENGTH - 1].rstrip() + "…"
+        text = text if len(text) <= MAX_TOOLTIP else text[: MAX_TOOLTIP - 1].rstrip() + "…"
         width = _place_in_view()
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(width)
@@ -122,15 +122,15 @@ def _place_in_view() -> float:
     root = imgui.internal.get_current_window().root_window
     space, gap, item = imgui.get_io().display_size, px(6), imgui.get_item_rect_min()
     if root.size.x > 2 * root.size.y and root.pos.y > 0.4 * space.y:
-        width = px(TOOLTIP_WIDTH)
+        width = px(TOOLTIP_WIDTH_PX)
         widest = width + 2 * imgui.get_style().window_padding.x
         x = max(min(imgui.get_io().mouse_pos.x, space.x - gap - widest), root.pos.x)
         corner = imgui.ImVec2(x, root.pos.y - gap)
         imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(0.0, 1.0))
         return width
     right = space.x - (root.pos.x + root.size.x)
-    left, width = root.pos.x, px(TOOLTIP_WIDTH)
-    if max(left, right) < px(TOOLTIP_MIN_WIDTH) or min(left, right) > px(TOOLTIP_EDGE_PX):
+    left, width = root.pos.x, px(TOOLTIP_WIDTH_PX)
+    if max(left, right) < px(TOOLTIP_MIN_WIDTH_PX) or min(left, right) > px(TOOLTIP_EDGE_PX):
         return width
     padding = 2 * imgui.get_style().window_padding.x
     width = min(width, max(left, right) - padding - 2 * gap)
@@ -364,7 +364,7 @@ def row(label: str, hint: str = "") -> None:
     imgui.align_text_to_frame_padding()
     muted(label)
     tooltip(hint)
-    imgui.same_line(px(LABEL_WIDTH))
+    imgui.same_line(px(LABEL_WIDTH_PX))
     full_width()
 
 

@@ -19,7 +19,7 @@ from runtime.skeleton import SPORT_SKELETON
 from viewer.live.link import STEP_S, Address, LiveLink
 
 VMC_PORT = 39539
-MAX_BYTES = 1400  # of a datagram that networks do not split
+MAX_DATAGRAM_BYTES = 1400  # of a datagram that networks do not split
 # joints that are humanoid bones, and each one's parent bone; -1: the root
 _NAMES = {ours: bone for ours, bone in ENGINES["unity"].bones.items() if ours != "Root"}
 JOINTS = tuple(SPORT_SKELETON.index(name) for name in _NAMES)
@@ -52,12 +52,12 @@ def osc_message(address: str, *values: str | float) -> bytes:
 
 
 def osc_bundles(messages: Sequence[bytes]) -> list[bytes]:
-    """Pack messages into bundles of at most `MAX_BYTES`, to be applied at once; five times as fast as python-osc."""
+    """Pack messages into bundles of at most `MAX_DATAGRAM_BYTES`, to be applied at once; five times as fast as python-osc."""
     head = b"#bundle\0" + struct.pack(">Q", 1)
     bundles = [head]
     for message in messages:
         part = struct.pack(">i", len(message)) + message
-        if len(bundles[-1]) + len(part) > MAX_BYTES:
+        if len(bundles[-1]) + len(part) > MAX_DATAGRAM_BYTES:
             bundles.append(head)
         bundles[-1] += part
     return bundles

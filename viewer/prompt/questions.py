@@ -16,8 +16,8 @@ from runtime.session.prompt_blend import Answer, PromptBlend, Side
 from runtime.session.session import Session
 from viewer.messages import Level
 
-FIRST_SHARE = 0.5  # weight of a new prompt B in unlocked parts, so that it shows
-MAX_LABEL = 40  # characters of a prompt in its step's label
+FIRST_WEIGHT = 0.5  # weight of a new prompt B in unlocked parts, so that it shows
+MAX_LABEL_LETTERS = 40  # characters of a prompt in its step's label
 Codes = Mapping[PartDescriptions, NDArray[np.float32]]  # (6, 64) of six descriptions
 
 
@@ -44,7 +44,7 @@ class Question:
 def quoted(prompt: str) -> str:
     """Return a prompt for a step's label: on one line, shortened if long."""
     line = " ".join(prompt.split())
-    return f"“{line if len(line) <= MAX_LABEL else line[: MAX_LABEL - 1] + '…'}”"
+    return f"“{line if len(line) <= MAX_LABEL_LETTERS else line[: MAX_LABEL_LETTERS - 1] + '…'}”"
 
 
 def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
@@ -55,7 +55,7 @@ def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer
         return blend.with_answer(side, words).locking_edits(before)
     kept = answer if before is None else answer.keeping(blend.locked_on(side), before)
     blend = blend.with_answer(side, kept)
-    return blend.with_all_weights(FIRST_SHARE) if side is Side.B and not any(blend.weights) else blend
+    return blend.with_all_weights(FIRST_WEIGHT) if side is Side.B and not any(blend.weights) else blend
 
 
 def with_better_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:

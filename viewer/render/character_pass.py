@@ -17,7 +17,7 @@ from viewer.render.quality import Quality
 
 MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64
-CROWD = 4  # from this many solid characters on, each is small: cell sizes of simplified meshes and shadows
+MIN_CROWD_CHARACTERS = 4  # from this many solid characters on, their meshes are simplified, as each is small
 CROWD_CELL_M, CROWD_SHADOW_CELL_M = 0.016, 0.035
 HEM_RINGS = 1  # of triangles around an open edge
 COLORS, SAME_M = 8, 1e-4  # brightness steps, and metres, within which color and position count as equal
@@ -130,7 +130,7 @@ class CharacterPass:
 
     def _render_solid(self, name: str) -> None:
         solid = [slot for slot, draw in enumerate(self._draws) if not draw.ghost]
-        shown = name if self._self_shadow or len(solid) < CROWD else self._crowd(name)
+        shown = name if self._self_shadow or len(solid) < MIN_CROWD_CHARACTERS else self._crowd(name)
         for slot in solid:
             self._render(shown, slot)
 

@@ -13,7 +13,7 @@ from viewer.render.gl import load_program, release, scissored, set_uniforms, upl
 from viewer.render.quality import Quality
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
-RECENTRE_SHARE = 0.12  # of the window's size
+RECENTRE_FRACTION = 0.12  # of the window's size
 # flatter ground casts no shadow on itself
 SUN_SLOPE_RATIO = SUN_DIRECTION[1] / np.hypot(*SUN_DIRECTION[::2])
 MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height above the start at which the tint is full
@@ -78,7 +78,7 @@ class TerrainPass:
     def _far_off(mesh: TerrainMesh, focus: Array) -> bool:
         window = mesh.window
         span = window.cell_m * min(window.heights.shape)
-        return not window.whole and float(np.max(np.abs(focus - window.centre))) > RECENTRE_SHARE * span
+        return not window.whole and float(np.max(np.abs(focus - window.centre))) > RECENTRE_FRACTION * span
 
     def _upload(self, mesh: TerrainMesh) -> None:
         window = mesh.window

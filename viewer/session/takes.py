@@ -33,8 +33,8 @@ from viewer.scene.scene import Scene
 from viewer.session.playback import Playback
 from viewer.settings import Settings
 
-MAX_NOTE = 500  # characters
-SEARCHED_FROM = 8  # number of takes from which the list has a search field
+MAX_NOTE_CHARACTERS = 500  # characters
+MIN_SEARCHED_TAKES = 8  # number of takes from which the list has a search field
 SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
 LONG_FRAMES = 20_000  # of a take whose pins and footplants take noticeably long
 RECORDED_NAME = re.compile(r"(?:Take|Last seconds) (\d{1,9})")
@@ -309,7 +309,7 @@ class Takes:
 
     @property
     def searchable(self) -> bool:
-        return len(self.session.takes) >= SEARCHED_FROM
+        return len(self.session.takes) >= MIN_SEARCHED_TAKES
 
     @property
     def found(self) -> list[Take]:
@@ -353,7 +353,7 @@ class Takes:
         self.editor.do("rating of a take", lambda session: session.with_take(number, rating=stars))
 
     def set_note(self, number: int, text: str) -> None:
-        text = " ".join(printable(text).split())[:MAX_NOTE]
+        text = " ".join(printable(text).split())[:MAX_NOTE_CHARACTERS]
         self.editor.do("note of a take", lambda session: session.with_take(number, note=text))
 
     def set_color(self, number: int, color: int) -> None:

@@ -170,7 +170,7 @@ class LibraryExpander:
         library = self._library
         elements, paced = pace_as_stated(elements, reading.elements, library.entries)
         chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
-        # without single words: next to the whole prompt they would name a second figure for the same entry
+        # without similarities of single words, which would be a second number beside that of the whole prompt
         sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(

@@ -17,7 +17,7 @@ from runtime.terrain.height_map import PointHeights
 DROP_M = 0.12  # the ground on both sides is lower than a beam by this; less is an ordinary step
 LEVEL_M = 0.06  # allowed height difference across a beam
 BESIDE_M = 0.35  # the ground is low this far to both sides of the hips,
-ALONG_M = 0.2  # and high this far before and behind them, unlike at a hurdle, step or wall
+ALONG_M = 0.2  # and high this far ahead of and behind them, unlike at a hurdle, step or wall
 MAX_LEAD_M = 0.3  # sideways displacement of a foot
 SCAN_M = 0.45  # search range to both sides
 SPACING_M = 0.025

@@ -48,7 +48,7 @@ GATHER_S = 0.05  # waiting time to gather further works before writing
 IDLE_S = 1.0  # idle time until the log is merged into the file, and between two attempts to write
 MAX_WAITING_WORKS = 20_000  # limit of works waiting for the disk; an hour or more of a recording
 _LOG = logging.getLogger("sport.session")
-# time limit for handing over unwritten changes, also when the program is already late in ending
+# time for handing over unwritten changes: at least, also past the deadline; at most
 HAND_OVER_S, LONGEST_HAND_OVER_S = (0.8, 10.0)
 Work = Callable[[Writer], None]
 

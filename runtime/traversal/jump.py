@@ -84,7 +84,7 @@ YIELD_SPAN_FRACTION = 0.955  # and one that is to give way,
 YIELDING_RATE_PER_S, YIELD_S, YIELDED_SPAN_FRACTION = 24.0, 0.12, 0.88  # rate (1/s2), time and final span
 TUCK_M = 0.10  # by which feet are drawn up in flight
 POINTED_TOES_RAD = 0.5  # toes down in flight
-APART_M = (0.3, 0.42)  # distance of the feet before and behind the hips in flight, in a walk and in a jog
+APART_M = (0.3, 0.42)  # distance of the feet ahead of and behind the hips in flight, in a walk and in a jog
 JUMP_LEAN_RAD = 0.22  # of the trunk, before and after
 # radians that hanging arms swing back before, and up in flight, at rest; half as much when moving
 ARM_SWING_RAD = 0.45, 0.9
@@ -112,7 +112,7 @@ class Jump:
     begin: tuple[float, float] = (0.0, 0.0)  # height and speed of the hips at the start of the stage
     aim: tuple[float, float] = (0.0, 0.0)  # height and speed at the end of the push
     ripe: bool = False  # the foot that will land is as far ahead as it gets
-    lead: float = 0.0  # m that the other foot is before the hips, in the network's pose
+    lead: float = 0.0  # m that the other foot is ahead of the hips, in the network's pose
     spot: tuple[float, float] | None = None  # XZ of the standing toe
     shift: tuple[float, float] = (0.0, 0.0)  # m by which that foot is moved for it
     give: float = YIELDS_PER_S[0]
@@ -397,7 +397,7 @@ class Jump:
         return held * (1.0 - smoothstep((behind - MAX_BEHIND_M) / MAX_BEHIND_M))
 
     def _apart(self, side: int, leg: LegPose) -> Vector:
-        """Shift of a foot in flight: before or behind the hips, as far as the body moves in its facing direction."""
+        """Shift of a foot in flight: ahead of or behind the hips, as far as the body moves in its facing direction."""
         way = _ahead(leg)
         speed = self.velocity[0] * way[0] + self.velocity[1] * way[2]
         fraction = min(max(2.0 * speed / FULL_STRIDE_SPEED_M_PER_S - 1.0, 0.0), 1.0)

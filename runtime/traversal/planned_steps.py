@@ -41,7 +41,7 @@ class PlannedSteps:
     speed: float = 0.0  # of the root, m/s, smoothed, at full pace
     # of the root, m/s, smoothed
     velocity: Array = field(default_factory=lambda: np.zeros(2), metadata={"whole": (2,)})
-    ahead: float = 0.2  # m of the last landing before the root
+    ahead: float = 0.2  # m of the last landing ahead of the root
     stood: tuple[bool, bool] = (True, True)  # which feet stood in the last frame
     since: tuple[float, float] = (9.0, 9.0)  # seconds since each foot landed
     root: Array | None = field(default=None, metadata={"whole": (2,)})  # position (XZ) in the last frame

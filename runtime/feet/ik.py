@@ -21,7 +21,7 @@ MAX_REACH = 0.9998
 # of the leg's length: beyond its own pose's length, a leg extends with falling speed
 EASE_REACH_FRACTION = 0.001
 MIN_REACH_FRACTION = 0.2  # of the leg's length: about 155 degrees of knee flexion
-MIN_OPENING_M = 1e-4  # distance of the ankle from the hip joint below which the leg is fully folded
+MIN_OPENING_M = 1e-4  # minimum distance of the ankle from its position in a fully folded leg
 MIN_BEND_M = 1e-5  # distance of the knee from the hip-ankle line above which it defines a bending plane
 MAX_HELPER_COSINE = 0.9  # of the leg's direction with Z: up to this, +Z defines the bending plane
 POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset

@@ -1,4 +1,4 @@
-"""A prompt, a ground and a path become a BVH file, and the file next to it says how it was made."""
+"""Generates a BVH from a prompt, a ground and a path, with a file next to it that records how it was made."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def main() -> None:
         gait="walk",
         seconds=3.0,
         seed=1,  # the same arguments and seed give the same file
-        report=print,  # how near the library came
+        report=print,  # how similar the library's nearest prompts are
     )
     save_bvh(clip, OUT, fps=30, unit="cm")
 
@@ -28,7 +28,7 @@ def main() -> None:
     for part, sentence in about["prompts"][0]["words"].items():
         print(f"  {part}: {sentence}")
 
-    again = load_clip_bvh(OUT)  # metres and quaternions, whatever the unit of the file
+    again = load_clip_bvh(OUT)  # metres and quaternions, whatever the file's unit
     positions, _ = again.world()
     print(
         f"{len(again)} frames at {again.fps:g} fps; the head is {positions[0, 16, 1]:.2f} m up in the first"

@@ -1,4 +1,4 @@
-"""A controller in place of the gamepad: way points, gaits, a change of style and a jump, frame by frame."""
+"""Drives a character by code instead of a gamepad: way points, gaits, a change of style and a jump, frame by frame."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def main() -> None:
             continue
         pose = controller.step(Controls(move=(dx / distance, dz / distance), gait=gait))
         recorder.add(pose)
-    for frame in range(60):  # a jump, then standing: a stick at rest
+    for frame in range(60):  # a jump, then standing with the stick at rest
         recorder.add(controller.step(Controls(gait=Gait.JUMP if frame < 3 else Gait.WALK)))
 
     clip = recorder.stop("way", "hills")

@@ -1,4 +1,4 @@
-"""A ground from an array: a ramp and some steps, saved as files that the viewer opens, and walked on."""
+"""A ground from an array, a ramp and some steps: walked on, and saved as files that the viewer opens."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ HALF_M = 10.0
 
 
 def ramp_and_steps() -> np.ndarray:
-    """Heights `(nx, nz)` in metres: level at the start, a ramp to 0.4 m, three steps of 0.15 m, level again."""
+    """Return heights `(nx, nz)` in metres: level at the start, a ramp to 0.4 m, three steps of 0.15 m, level again."""
     along = np.arange(-HALF_M, HALF_M, CELL_M)
     ramp = 0.4 * np.clip((along - 1.0) / 2.0, 0.0, 1.0)
     steps = 0.15 * np.clip(np.floor((along - 3.5) / 0.4), 0, 3)

@@ -1,4 +1,4 @@
-"""A skinned glTF follows a clip: joints by name or by a joint map, posed vertices for every frame.
+"""Poses a skinned glTF by a clip: joints by name or by a joint map, posed vertices for every frame.
 
 python examples/04_own_character.py [CHARACTER.glb [JOINT_MAP.json]]
 """
@@ -12,7 +12,7 @@ import trimesh
 
 from sport import asset_path, generate_clip, load_character, read_joint_map, skin_vertices
 
-# For a joint of ours the joint of the file: only those that the names do not tell. In a file: {"Hips": "Root_M", ...}
+# SPORT joint to joint of the file, only for those with unknown names. In a file: {"Hips": "Root_M", ...}
 JOINT_MAP = {"Hips": "Hips", "Head": "Head"}
 FRAMES = (0, 30, 60)
 

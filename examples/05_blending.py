@@ -1,4 +1,4 @@
-"""Between two styles: four even steps of Z^t, and a blend in which each part of the body has its own share."""
+"""Blends two styles: four even steps of Z^t, and a blend with a separate weight for each part of the body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many clips on all cores: a row a clip, a manifest of what was made; a run that was interrupted goes on.
+"""Makes many clips on all cores, one per row, with a manifest; an interrupted run can be continued.
 
 python examples/06_batch.py [FOLDER]
 """
@@ -23,7 +23,7 @@ ROWS: list[dict[str, Any]] = [
 
 
 def make(row: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Generate one row and write it; what the manifest says about it."""
+    """Generate and write one row; return its line of the manifest."""
     from runtime.formats.bvh_clip import save_bvh
     from runtime.generate import generate_clip
 

@@ -1,4 +1,4 @@
-"""Measures of a model without captured data: speed kept, feet that slide, and how far styles and seeds lie apart.
+"""Measures a model without captured data: speed accuracy, foot sliding, and the distance between styles and seeds.
 
 Needs `pip install -e '.[train]'`. Against captured motion: `sport evaluate --clips DIR --model FOLDER`.
 
@@ -23,7 +23,7 @@ SEEDS, SECONDS, LEAD_IN_S, HOP = (0, 1), 2, 1, 5
 
 
 def walk(model: MotionModel, z: np.ndarray, seed: int) -> tuple[Motion, float]:
-    """A walk at full stick on flat ground without its first seconds, and the requested speed in m/s."""
+    """Return a walk at full stick on flat ground without its first seconds, and the requested speed in m/s."""
     controller = Controller(model, Terrain.flat(size_m=80.0), seed=seed)
     controller.set_style(z, transition_seconds=0.0)
     stick = Controls(move=(0.0, 1.0))

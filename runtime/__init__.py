@@ -2,6 +2,6 @@
 
 import os
 
-# onnxruntime's official builds of 1.29 and later report each session to their maker unless this is set before they are
-# imported. Nothing leaves the machine but prompts to a language model that was chosen; whoever wants to report sets it to 0.
+# onnxruntime's official builds of 1.29 and later send telemetry for each session unless this is set before their import.
+# Nothing leaves the machine except prompts to a language model that the user chose; set it to 0 to allow telemetry.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")

@@ -1,4 +1,4 @@
-"""Names of array types that every module uses."""
+"""Names of array types used by every module."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.floating]  # of any shape; docstrings say which
 Flags = NDArray[np.bool_]  # true or false of each
-Float32Array = NDArray[np.float32]  # what the networks take and give
-AnyArray = NDArray[Any]  # whose type is said beside it: indices, colours, bytes of a file
+Float32Array = NDArray[np.float32]  # input and output of the networks
+AnyArray = NDArray[Any]  # dtype stated beside it: indices, colours, bytes of a file

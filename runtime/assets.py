@@ -1,4 +1,4 @@
-"""Where the shipped files lie: one root for every asset and shader, and the trained models by name."""
+"""Paths of shipped files: one root for all assets and shaders, and the trained models by name."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded
 
 _PACKAGES = Path(__file__).resolve().parent.parent
-# in a checkout assets and shaders lie next to the packages, in an installed wheel inside `sport`
+# in a checkout beside the packages, in an installed wheel inside `sport`
 PROJECT_ROOT = _PACKAGES if (_PACKAGES / "assets").is_dir() else _PACKAGES / "sport"
 DEFAULT_MODEL = "compact"
 MAX_METADATA_BYTES = 16 << 20

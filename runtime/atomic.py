@@ -1,4 +1,4 @@
-"""Writes files whole or not at all: next to the target, then renamed over it or linked to a name that is free."""
+"""Writes files completely or not at all: next to the target, then renamed over it or linked to a free name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from runtime.safe_read import printable
 _REMEDY = "Choose a folder that can be written, with space left."
 _REMEDY_TMP = "Make room there, or name another folder for temporary files by TMPDIR."
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-_OURS = re.compile(r"\..*-sport-([0-9a-f]{6})[0-9a-f]{6}(\.[^.]*)?")  # the process and a random number
+_OURS = re.compile(r"\..*-sport-([0-9a-f]{6})[0-9a-f]{6}(\.[^.]*)?")  # process id and a random number
 MAX_NUMBER = 100_000  # of names tried by `write_new`
 
 
@@ -29,7 +29,7 @@ MAX_NUMBER = 100_000  # of names tried by `write_new`
 def atomic_path(target: str | Path) -> Iterator[Path]:
     """Yield the path of a temporary file next to `target`, which it replaces when the block ends without an error.
 
-    Missing folders are made, a link is followed, and the mode is that of the old file or the umask's. FileError names
+    Missing folders are created, links are followed, and the mode is the old file's or follows the umask. FileError names
     the target when it cannot be written or is a device or pipe; the old file then stays as it was.
     """
     target = Path(target)
@@ -71,7 +71,7 @@ def sweep_of(process: int, folder: Path) -> None:
 
 
 def _discard(path: Path) -> None:
-    """Remove a file, or a folder with all that is in it; OSError."""
+    """Remove a file, or a folder with its contents; OSError."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -110,7 +110,7 @@ def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
 
 
 def _runs(process: int) -> bool:
-    """Return whether a process of this number runs here; on Windows, where such a check would end it, False."""
+    """Return whether a process with this id runs here; False on Windows, where such a check would end it."""
     if process == 0 or sys.platform == "win32":
         return False
     try:
@@ -118,7 +118,7 @@ def _runs(process: int) -> bool:
     except ProcessLookupError:
         return False
     except OSError:
-        return True  # of another user
+        return True  # belongs to another user
     return True
 
 
@@ -140,7 +140,7 @@ def write_new(target: str | Path, content: str | bytes) -> Path:
 
 
 def _take_name(temporary: Path, target: Path) -> Path:
-    """Give the finished file the first name that is free; return its path."""
+    """Give the finished file the first free name; return its path."""
     for number in range(1, MAX_NUMBER):
         candidate = target if number == 1 else target.with_stem(f"{target.stem}-{number}")
         try:
@@ -153,7 +153,7 @@ def _take_name(temporary: Path, target: Path) -> Path:
             except FileExistsError:
                 continue
             try:
-                temporary.replace(candidate)  # the name is ours
+                temporary.replace(candidate)  # the name is reserved by us
             except OSError:
                 candidate.unlink(missing_ok=True)
                 raise
@@ -167,7 +167,7 @@ def check_target(target: str | Path) -> None:
 
 
 def _temporary_beside(target: Path) -> tuple[Path, Path]:
-    """Return the file that `target` names, its links followed, and a new empty file next to it with the right mode."""
+    """Return the file that `target` refers to, with links followed, and a new empty file next to it with the right mode."""
     try:
         found = _existing(target)
         final = Path(os.path.realpath(target)) if target.is_symlink() else target
@@ -177,7 +177,7 @@ def _temporary_beside(target: Path) -> tuple[Path, Path]:
 
 
 def _temporary(target: Path, final: Path, found: os.stat_result | None = None) -> Path:
-    """Make an empty file next to `final`, with the mode of the one found there or the umask's; errors name `target`."""
+    """Create an empty file next to `final`, with its mode or the umask's; errors name `target`."""
     temporary = final.with_name(_temporary_name(final.stem, final.suffix))
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY
     try:
@@ -198,7 +198,7 @@ def _temporary_name(stem: str, suffix: str = "") -> str:
 
 
 def _make_folder(folder: Path) -> None:
-    """Make a folder and those above it; a signal that ends the process takes away those that stay empty."""
+    """Create a folder and its parents; a signal that ends the process removes those still empty."""
     missing = [path for path in (folder, *folder.parents) if not os.path.exists(path)]
     folder.mkdir(parents=True, exist_ok=True)
     for path in reversed(missing):
@@ -211,7 +211,7 @@ def _remove(temporary: Path) -> None:
 
 
 def _existing(target: Path) -> os.stat_result | None:
-    """Return the status of a file, None where there is none; FileError for what must not be replaced: folders, devices, pipes."""
+    """Return a file's status, None if it is missing; FileError for folders, devices and pipes, which must not be replaced."""
     try:
         found = target.stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -240,7 +240,7 @@ def write_atomic(target: str | Path, content: str | bytes) -> None:
 
 
 def write_together(contents: Mapping[Path, str | bytes]) -> None:
-    """Write several files, and replace none of them until all are written; see `atomic_path`."""
+    """Write several files, replacing none until all are written; see `atomic_path`."""
     with contextlib.ExitStack() as stack:
         for target, content in contents.items():
             temporary = stack.enter_context(atomic_path(target))

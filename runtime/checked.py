@@ -1,4 +1,4 @@
-"""Numbers and texts of untrusted JSON: refused with ValueError, or replaced by a default."""
+"""Checks of numbers and texts in untrusted JSON: ValueError, or a default instead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the user asks of the character in one frame, free of any device."""
+"""Control input of the character for one frame, independent of devices."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Gait(IntEnum):
 
 
 REQUESTS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)  # gaits that a person can request
-STAND_SPEED = 0.12  # m/s; slower requests mean standing
+STAND_SPEED_M_PER_S = 0.12  # m/s; slower requests mean standing
 
 
 @dataclass(frozen=True)

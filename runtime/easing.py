@@ -1,4 +1,4 @@
-"""Curves on arrays: from 0 to 1 with no speed at both ends, and a critically damped spring to a goal."""
+"""Easing curves on arrays (smoothstep), and a critically damped spring."""
 
 from __future__ import annotations
 

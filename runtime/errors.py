@@ -1,4 +1,4 @@
-"""The one exception family of the project: every message says what is wrong, where, and what to do."""
+"""The project's exceptions: every message says what is wrong, where, and what to do."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class SportError(Exception):
 
 
 def _shown(text: str) -> str:
-    """`text` on one line and as text that can be written: names of files may be any bytes."""
+    """Return `text` on one line, in characters that can be encoded: file names may be any bytes."""
     if text.isprintable():
         return text
     plain = text.encode("utf-8", "backslashreplace").decode("utf-8")
@@ -51,8 +51,8 @@ class DisplayError(SportError):
 class UsageError(SportError):
     """An argument or setting has a value that cannot be used.
 
-    `parameter` is the argument's name in the function that was called. `problem` begins with it, so that a front end
-    can put its own name for it there ("--seconds").
+    `parameter` is the argument's name in the called function. `problem` begins with it, so that a front end
+    can substitute its own name for it ("--seconds").
     """
 
     def __init__(self, problem: str, remedy: str = "", parameter: str = "") -> None:

@@ -1,4 +1,4 @@
-"""A file that this process alone holds: the system lets go of the lock when the process ends, however it ends."""
+"""A file held by this process alone: the system releases the lock however the process ends."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-_FAR = 0x7FFF0000  # Windows locks bytes, and locked ones cannot be read: one that no file of ours reaches
+_FAR = 0x7FFF0000  # Windows locks bytes, which then cannot be read: this offset is beyond any of our files
 
 
 def open_locked(path: Path, create: bool = False, wait: bool = False) -> int | None:

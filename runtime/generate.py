@@ -1,4 +1,4 @@
-"""A clip from a prompt, a path and a terrain, without a window: what `sport generate` does."""
+"""Generates a clip from a prompt, a path and a terrain without a window, as `sport generate` does."""
 
 from __future__ import annotations
 
@@ -94,27 +94,27 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
 
 
 def _silent(_: str) -> None:
-    """A report that nothing reads."""
+    """A report callback that does nothing."""
 
 
 @dataclass(frozen=True)
 class ClipOptions:
     """Further options of `generate_clip`, passed by name."""
 
-    controls: str | StickScript | None = None  # the stick, as text too, in place of path, gait and speed
+    controls: str | StickScript | None = None  # the stick, also as text, instead of path, gait and speed
     speed: float = 1.0  # fraction of the full stick
     transition_seconds: float = 1.0  # from one prompt to the next
     model: Path | MotionModel | None = None  # a model folder (default: the shipped one), or a loaded model
     name: str = "clip"
-    expander: str = "library"  # this, `report` and `text_encoder` are those of `Prompter`
+    expander: str = "library"  # this, `report` and `text_encoder` are arguments of `Prompter`
     report: Callable[[str], None] = _silent
     text_encoder: Path | None = None
-    prompter: Prompter | None = None  # one of that model, in place of them
-    strength: float = 1.0  # of the style: see `Controller`
-    size: float = 1.0  # of `Character`: a smaller body takes smaller steps on the same ground
-    pins: str | Sequence[Pin] = ()  # that bend the poses, as text of `runtime.takes.pins` too
-    exact_legs: bool = True  # legs show what their words say by an edit where the network does not
-    # how quickly starts, stops and turns follow the stick: 0 as in capture, 1 as in a game
+    prompter: Prompter | None = None  # an existing one of that model, instead of them
+    strength: float = 1.0  # of the style, see `Controller`
+    size: float = 1.0  # of `Character`: a smaller body makes smaller steps on the same ground
+    pins: str | Sequence[Pin] = ()  # that modify the poses, also as text of `runtime.takes.pins`
+    exact_legs: bool = True  # add body edits for what the network does not show
+    # response of starts, stops and turns to the stick: 0 as captured, 1 as in a game
     response: float = 0.0
 
 
@@ -160,7 +160,7 @@ def generate_clip(
 def _script(
     options: ClipOptions, path: str, gait: str, seconds: float | None, seed: int
 ) -> tuple[ControlScript, Gait, float]:
-    """The stick of `generate_clip`, the gait to rest in before it begins, and the clip's seconds."""
+    """Return the stick of `generate_clip`, the initial gait, and the clip's seconds."""
     controls = options.controls
     if controls is None:
         script = control_script(path, gait, options.speed, seed)
@@ -178,7 +178,7 @@ def check_seconds(seconds: float) -> None:
 
 
 def _check(options: ClipOptions, seconds: float, seed: int) -> None:
-    """UsageError names the number of `generate_clip` that is out of its range."""
+    """Raise UsageError that names the first argument of `generate_clip` out of range."""
     from runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
     from runtime.motion.trajectory import MAX_RESPONSE, MIN_RESPONSE
 
@@ -194,7 +194,7 @@ def _check(options: ClipOptions, seconds: float, seed: int) -> None:
 
 
 def _controller(options: ClipOptions, terrain: str | Path | Terrain, seed: int) -> Controller:
-    """A character at the origin of the ground, which is seen by its size."""
+    """Return a character at the origin, on the ground at its own scale."""
     from runtime.motion.controller import Controller
     from runtime.motion.model import load_model
     from runtime.terrain.library import load_terrain
@@ -214,7 +214,7 @@ def _walk(
     frames: int,
     transition_seconds: float,
 ) -> tuple[list[Pose], NDArray[np.int8]]:
-    """Poses from rest in the first style on, and the gait requested in each of them."""
+    """Return poses from rest in the first style on, and the requested gait of each."""
     controller.set_style(styles[0][1], 0.0)
     controller.settle(gait)
     gaits: list[int] = []
@@ -231,13 +231,13 @@ def _walk(
 def _events(
     prompt: str | PartDescriptions | BlendedPrompt | Sequence[PromptEvent],
 ) -> tuple[tuple[PromptEvent, ...], list[Words | BlendedPrompt]]:
-    """The clip's prompt events, and for each what is to be expanded, encoded or blended."""
+    """Return the clip's prompt events, and for each what to expand, encode or blend."""
     if isinstance(prompt, str):
         return (PromptEvent(0.0, prompt),), [check_prompt(prompt)]
     if isinstance(prompt, PartDescriptions | BlendedPrompt):
         return (PromptEvent(0.0, write_words(prompt)),), [prompt]
     events = tuple(prompt)
-    if events and events[0].seconds > 0.0:  # the character walks before the first prompt, too
+    if events and events[0].seconds > 0.0:  # the character also walks before the first prompt
         events = (PromptEvent(0.0, DEFAULT_PROMPT), *events)
     requested = [read_words(event.prompt) for event in events]
     return events, [check_prompt(words) if isinstance(words, str) else words for words in requested]
@@ -249,7 +249,7 @@ def _described(
     meant: dict[str, PartDescriptions],
     transition_seconds: float,
 ) -> tuple[PromptEvent, ...]:
-    """The events with their transitions, and with the words that each was understood as."""
+    """Return the events with their transitions, and with the descriptions used."""
     return tuple(
         replace(
             event,
@@ -261,7 +261,7 @@ def _described(
 
 
 def _spelled_out(words: Words | BlendedPrompt, meant: dict[str, PartDescriptions]) -> str:
-    """The words of `PromptEvent.words`; `meant` has the descriptions of prompts as far as the prompter reported them."""
+    """Return the words of `PromptEvent.words`; `meant` has the descriptions reported by the prompter."""
 
     def parts(side: Words) -> PartDescriptions | None:
         return meant.get(side) if isinstance(side, str) else side

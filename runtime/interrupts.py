@@ -1,8 +1,8 @@
-"""Ends this process at Ctrl+C, SIGTERM or SIGHUP: unfinished files and child processes go, and one sentence says so.
+"""Ends this process at Ctrl+C, SIGTERM or SIGHUP: removes unfinished files and child processes, and prints one sentence.
 
-The handler raises nothing. An exception between any two lines would be lost in a callback of a library, leave a module
-half imported, or wait for a worker; and threads of libraries abort a process whose interpreter is taken down under them.
-It is imported before anything else, and imports next to nothing: until then Ctrl+C is a traceback.
+The handler raises nothing. An exception at an arbitrary line would be lost in a library's callback, leave a module
+half imported, or wait for a worker; and library threads abort a process whose interpreter is shut down under them.
+It is imported first and itself imports almost nothing: before that, Ctrl+C prints a traceback.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 
-TYPE_CHECKING = False  # `typing`, too, would keep Ctrl+C waiting
+TYPE_CHECKING = False  # importing `typing` would delay the handling of Ctrl+C
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )  # Windows has no SIGHUP
-CLEAN_UP_S = 1.2  # after which the process ends with whatever is left
+CLEAN_UP_S = 1.2  # after which the process ends regardless
 
 
 class _Unfinished:
-    """What is to be undone when this process is ended: an action by a key, for a file, a folder or a session."""
+    """Cleanup actions for when this process is ended, each under a key: a file, a folder or a session."""
 
     def __init__(self) -> None:
         self.actions: dict[object, Callable[[], object]] = {}
         self.ending = False
-        self.remark = "what was unfinished is removed"  # of the sentence
+        self.remark = "unfinished files were removed"  # of the message
 
     def undo(self) -> None:
         """Call all registered actions, the last one first; a failing action is reported and does not stop the others."""
@@ -50,7 +50,7 @@ _UNFINISHED = _Unfinished()
 def undo_when_ended(key: object, action: Callable[[], object]) -> None:
     """Call `action` if a signal or a failure ends this process before `forget(key)`."""
     while _UNFINISHED.ending and threading.current_thread() is not threading.main_thread():
-        time.sleep(1.0)  # the process is about to end: nothing new may begin
+        time.sleep(1.0)  # the process is about to end: start nothing new
     _UNFINISHED.actions[key] = action
 
 
@@ -80,7 +80,7 @@ def remove_when_ended(path: Path) -> None:
     """Remove `path`, a file or an empty folder, if this process is ended before `forget(path)`."""
 
     def remove() -> None:
-        with contextlib.suppress(OSError):  # it is not there any more, or no longer empty
+        with contextlib.suppress(OSError):  # it no longer exists, or is no longer empty
             (path.rmdir if path.is_dir() else path.unlink)()
 
     undo_when_ended(path, remove)
@@ -99,7 +99,7 @@ def take_signals(name: str) -> None:
     owner = os.getpid()
 
     def end(number: int, _frame: object) -> None:
-        if os.getpid() != owner:  # a fork of the process, which says nothing and owns nothing
+        if os.getpid() != owner:  # a forked child, which prints and removes nothing
             os._exit(exit_code(number))
         end_now(number, name)
 
@@ -119,7 +119,7 @@ def end_now(number: int, name: str) -> None:
     threading.Thread(target=_end_late, args=(exit_code(number),), daemon=True).start()
     end_children()
     remove_shared = getattr(sys.modules.get("multiprocessing.util"), "_exit_function", None)
-    if remove_shared is not None:  # semaphores; the interpreter calls it at its end
+    if remove_shared is not None:  # semaphores; the interpreter would call it at exit
         remove_shared()
     _UNFINISHED.undo()
     with contextlib.suppress(OSError, ValueError, RuntimeError, AttributeError):  # it may be in use right now
@@ -136,7 +136,7 @@ def say(number: int, name: str, remark: str = "") -> None:
 
 
 def _write(line: str) -> None:
-    """Write a line to stderr without Python's own, which may be in use right now."""
+    """Write a line to stderr without Python's buffer, which may be in use right now."""
     with contextlib.suppress(OSError):
         os.write(2, f"{line}\n".encode())
 
@@ -148,7 +148,7 @@ def _end_late(code: int) -> None:
 
 def end_children() -> None:
     """Kill the child processes started by `multiprocessing`."""
-    # a module that is being imported has nothing yet
+    # a module still being imported has none yet
     active_children = getattr(sys.modules.get("multiprocessing"), "active_children", tuple)
     for process in active_children():
         process.kill()
@@ -165,7 +165,7 @@ def signals_kept_from_children() -> Iterator[None]:
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # it would let the signals through again
+    resource_tracker.ensure_running()  # otherwise it would unblock the signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield
@@ -218,6 +218,6 @@ def leave(code: int) -> NoReturn:
     if "logging" in sys.modules:
         sys.modules["logging"].shutdown()
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError, AttributeError):  # a pipe that nobody reads any more
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # a pipe without a reader
             stream.flush()
     os._exit(code)

@@ -1,4 +1,4 @@
-"""What the value of an option may be, and how it is chosen: declared once, with the field of a dataclass that holds it."""
+"""Allowed values of an option and how it is chosen, declared once on the dataclass field that holds it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from runtime.safe_read import is_text
 
-MAX_NUMBER = 1e300  # of a number: what no float can hold is refused, as NaN is
+MAX_NUMBER = 1e300  # larger numbers are refused, like NaN
 MAX_TEXT = 4096  # characters of a text
 
 
@@ -20,7 +20,7 @@ class Spec:
     low: float = -math.inf
     high: float = math.inf
     choices: Mapping[Any, str] | None = None  # allowed value: its name in the panel
-    label: str = ""  # of the widget; a format with the number where there is one
+    label: str = ""  # of the widget; a format string if it shows a number
     hint: str = ""
     factor: float = 1.0  # the widget shows the value times this
     whole: bool = False  # the widget rounds what it shows to a whole number

@@ -1,4 +1,4 @@
-"""What one simulated frame shows, records and hands on: an immutable pose of the SPORT skeleton."""
+"""The pose of one simulated frame: an immutable pose of the SPORT skeleton."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from runtime.arrays import Array
 
-FPS = 60  # frames a second, of the network and of every clip
+FPS = 60  # frames per second, of the network and of every clip
 DT = 1.0 / FPS  # seconds of a frame
 MAX_FPS = 1000.0  # of a clip from a file, or of an export
 VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 120.0)

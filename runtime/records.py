@@ -1,8 +1,8 @@
-"""State as data: dataclasses of numbers, tuples, arrays and further such records, and their form in a file.
+"""State as data: dataclasses of numbers, tuples, arrays and nested records, and their form in a file.
 
-The annotations are the schema. `read_record` believes nothing: it checks every name, kind, length and shape, and that
-numbers are finite and no larger than `LARGEST`, or than what the field's metadata name as `most`. An array's field names
-its shape after the leading axis of N characters, `field(metadata={"shape": (31, 3)})`, or its `whole` one; text its `choices`.
+The annotations are the schema. `read_record` trusts nothing: it checks every name, kind, length and shape, and that
+numbers are finite and at most `MAX_NUMBER`, or the field's metadata `most`. An array's field gives
+its shape after the leading axis of N characters, `field(metadata={"shape": (31, 3)})`, or its `whole` shape; text its `choices`.
 A file holds one character.
 """
 
@@ -19,14 +19,14 @@ import numpy as np
 from runtime.errors import FileError
 
 Record = TypeVar("Record")
-Tree = Any  # of JSON; arrays are named by their numbers
+Tree = Any  # JSON; arrays are referred to by index
 MAX_NUMBER = 1e6  # metres, seconds, radians and the like
-LONGEST_TUPLE = 64
+MAX_TUPLE_ITEMS = 64
 REMEDY = "Record the take again."
 
 
 def copied(record: Record) -> Record:
-    """Return a copy of a record and of the records in it, sharing their arrays, which are never written to."""
+    """Return a copy of a record and its nested records, sharing their arrays, which are never modified."""
     kind: Any = type(record)
     made: Record = object.__new__(kind)
     values = made.__dict__ = record.__dict__.copy()
@@ -38,7 +38,7 @@ def copied(record: Record) -> Record:
 
 @cache
 def _inside(kind: Any) -> tuple[str, ...]:
-    """Fields that are records which change, or tuples of them."""
+    """Return the fields that are mutable records, or tuples of them."""
     return tuple(name for name, hint, _ in _schema(kind) if _changes((typing.get_args(hint) or (hint,))[0]))
 
 
@@ -101,7 +101,7 @@ def read_record(kind: type[Record], tree: Tree, arrays: typing.Sequence[np.ndarr
     for name, hint, metadata in schema:
         if name in tree:
             made.__dict__[name] = _read(hint, tree[name], arrays, f"{path}.{name}", metadata)
-        elif isinstance(getattr(kind, name, None), float):  # a number that came later begins as it does
+        elif isinstance(getattr(kind, name, None), float):  # a number added later has its default
             made.__dict__[name] = getattr(kind, name)
         elif metadata.get("later"):  # and so does a record
             made.__dict__[name] = hint()
@@ -133,8 +133,8 @@ def _read(hint: Any, value: Tree, arrays: typing.Sequence[np.ndarray], path: str
 
 
 def _kinds(inside: tuple[Any, ...], value: Tree, path: str) -> typing.Sequence[Any]:
-    """The kind of each item of a tuple's values."""
-    if not isinstance(value, list) or len(value) > LONGEST_TUPLE:
+    """Return the kind of each item of a tuple's values."""
+    if not isinstance(value, list) or len(value) > MAX_TUPLE_ITEMS:
         raise _error(path, "expected a list")
     kinds = [inside[0]] * len(value) if inside[-1] is Ellipsis else inside
     if len(kinds) != len(value):
@@ -143,7 +143,7 @@ def _kinds(inside: tuple[Any, ...], value: Tree, path: str) -> typing.Sequence[A
 
 
 def _chosen(hint: Any, value: Tree, path: str, metadata: Any) -> Any:
-    """A flag, or one of the texts that a field may have."""
+    """Return a flag, or one of the texts allowed for a field."""
     if hint is bool and not isinstance(value, bool):
         raise _error(path, "expected true or false")
     if hint is str and not (isinstance(value, str) and value in metadata["choices"]):
@@ -155,13 +155,13 @@ def _number(hint: Any, value: Tree, path: str, metadata: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int if hint is int else int | float):
         raise _error(path, "expected a whole number" if hint is int else "expected a number")
     if not abs(value) <= metadata.get("most", MAX_NUMBER):
-        raise _error(path, "a number that no character reaches")
+        raise _error(path, "a number out of range")
     return value if hint is int else float(value)
 
 
 def _array(value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata: Any) -> np.ndarray:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < len(arrays):
-        raise _error(path, "names no array")
+        raise _error(path, "refers to no array")
     array = arrays[value]
     shape = metadata["whole"] if "whole" in metadata else (1, *metadata["shape"])
     kind = np.dtype(metadata.get("dtype", np.float64))
@@ -170,5 +170,5 @@ def _array(value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata
     if array.dtype != kind:
         raise _error(path, f"kind {array.dtype}, expected {kind}")
     if kind.kind == "f" and not (np.abs(array) <= metadata.get("most", MAX_NUMBER)).all():
-        raise _error(path, "numbers that no character reaches")
+        raise _error(path, "numbers out of range")
     return array.copy()

@@ -35,7 +35,7 @@ def multiply(a: Array, b: Array) -> Array:
     a, b = np.asarray(a), np.asarray(b)
     aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    # written into one array: stacking four costs as much as their arithmetic
+    # one output array: stacking four costs as much as their arithmetic
     result = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
     result[..., 0] = aw * bw - ax * bx - ay * by - az * bz
     result[..., 1] = aw * bx + ax * bw + ay * bz - az * by
@@ -46,7 +46,7 @@ def multiply(a: Array, b: Array) -> Array:
 
 _LEFT = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
 _SIGNS = np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], np.float32)
-# of both types: a product of two types takes three times as long
+# in both dtypes: mixed products take three times as long
 _LEFT_SIGNS: dict[str, Array] = {"f": _SIGNS, "d": _SIGNS.astype(np.float64)}
 
 
@@ -72,7 +72,7 @@ _AHEAD, _BEHIND = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Cross products of `(..., 3)`: np.cross costs five times as much of few vectors."""
+    """Cross products of `(..., 3)`: np.cross takes five times as long for few vectors."""
     return a.take(_AHEAD, -1) * b.take(_BEHIND, -1) - a.take(_BEHIND, -1) * b.take(_AHEAD, -1)
 
 
@@ -170,7 +170,7 @@ def from_matrix(m: Array) -> Array:
 def matrix_from_6d(d: Array) -> Array:
     """Return rotation matrices `(..., 3, 3)` for 6D rotations `(..., 6)`, by Gram-Schmidt on two independent vectors."""
     d = np.asarray(d)
-    numbers = np.ascontiguousarray(d.reshape(-1, 6).T)  # along the rotations sums are several times as fast
+    numbers = np.ascontiguousarray(d.reshape(-1, 6).T)  # sums along rotations are several times faster
     x, y = numbers[:3], numbers[3:]
     x = x / np.maximum(np.sqrt(np.add.reduce(x * x)), _EPSILON)
     y = y - np.add.reduce(x * y) * x
@@ -195,7 +195,7 @@ def between(a: Array, b: Array) -> Array:
     a, b = np.broadcast_arrays(np.asarray(a), np.asarray(b))
     w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
     axis = np.cross(a, b)
-    # opposite vectors: half a turn about any axis that is perpendicular to a
+    # opposite vectors: half a turn about any axis perpendicular to a
     helper = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
     opposite = np.concatenate([np.zeros_like(w), np.cross(a, helper)], axis=-1)
     return normalize(np.where(w < 1e-6, opposite, np.concatenate([w, axis], axis=-1)))

@@ -1,4 +1,4 @@
-"""Bytes, text and JSON from untrusted files: regular files only, with a limit, without surprises."""
+"""Reads bytes, text and JSON from untrusted files: regular files only, with size limits."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 MAX_JSON_ITEMS = 1_000_000  # an empty list of two bytes takes 56 in memory
 MAX_DIGITS = 400
-SAMPLED = 50  # of so many characters one is looked at, for a number of more digits
-# bytes that an archive may unpack to, and more for each of its own
+SAMPLED = 50  # one in this many characters is checked, to find longer numbers
+# allowed unpacked size of an archive, and more per byte of it
 MAX_NPZ_BYTES, NPZ_RATIO = 64 * 1024 * 1024, 16
 
 
@@ -39,7 +39,7 @@ def read_bounded(
     with open_regular(path, missing=missing, error=error) as file:
         try:
             size = os.fstat(file.fileno()).st_size
-            most = min(limit, max(size, 1 << 20))  # a buffer of the limit would be made first
+            most = min(limit, max(size, 1 << 20))  # avoids allocating the whole limit
             data = b"" if size > limit else file.read(most + 1)
         except OSError as problem:
             raise error(f"{path}: {problem.strerror or problem}.", missing) from problem
@@ -55,7 +55,7 @@ def open_regular(
     """Open a regular file for reading; raise `error` if it is missing, a device or a pipe."""
     try:
         status = os.stat(path)
-        # without O_NONBLOCK a pipe that takes its place would hold up the program for ever
+        # without O_NONBLOCK a pipe in its place would block forever
         flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         handle = os.open(path, flags) if stat.S_ISREG(status.st_mode) else -1
         status = status if handle < 0 else os.fstat(handle)
@@ -107,8 +107,8 @@ def parse_json(
 ) -> Any:
     """Return the value of a JSON text in UTF-8, its objects as `kind`.
 
-    ValueError for all that is not JSON, too deep or of more than `max_items` items. `spend` gets how many there are, before
-    they are made.
+    ValueError for anything that is not JSON, is too deep or has more than `max_items` items. `spend` gets their number
+    before they are created.
     """
     text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
     items = sum(text.count(sign) for sign in "[{,")
@@ -153,7 +153,7 @@ def open_npz(
         zlib.error,
     )
     try:
-        if not Path(path).is_file():  # a pipe would be waited for
+        if not Path(path).is_file():  # a pipe would block
             raise FileNotFoundError("there is no such file")
         _check_headers(path)
         with np.load(path, allow_pickle=False) as file:
@@ -163,7 +163,7 @@ def open_npz(
 
 
 def _check_headers(path: str | Path) -> None:
-    """Raise ValueError where the arrays of an NPZ are of objects, or of more bytes than it may unpack to."""
+    """Raise ValueError if the arrays of an NPZ contain objects, or more bytes than it may unpack to."""
     import zipfile
 
     import numpy as np

@@ -1,7 +1,7 @@
-"""Math of plain floats for what runs in every frame: vectors, quaternions, springs, smoothstep.
+"""Math on plain floats for per-frame code: vectors, quaternions, springs, smoothstep.
 
-A NumPy call on three numbers costs as much as fifty multiplications in Python, and a foot lock needs hundreds of them a
-frame. Vectors are (x, y, z), quaternions (w, x, y, z). `runtime.rotations` and `runtime.easing` are the same on arrays.
+A NumPy call on three numbers costs as much as fifty multiplications in Python, and a foot lock needs hundreds per
+frame. Vectors are (x, y, z), quaternions (w, x, y, z). `runtime.rotations` and `runtime.easing` are the array versions.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 DECAY_RATE_PER_S = 1.3862943611  # 2 ln 2, of a critically damped spring with a half-life of one second
 MIN_SIZE = 1e-6  # m or m/s: a shorter vector has no direction
-MIN_DIVISOR = 1e-9  # keeps a quotient finite; far below whatever is measured
+MIN_DIVISOR = 1e-9  # keeps a quotient finite; far below any measured value
 
 
 def smoothstep(value: float) -> float:

@@ -69,7 +69,7 @@ class Skeleton:
 
     @cached_property
     def _parents(self) -> NDArray[np.int64]:
-        """Parent of each joint; the root stands for its own."""
+        """Return the parent of each joint; the root is its own parent."""
         return np.maximum(np.array(self.parents), 0)
 
     @cached_property
@@ -79,9 +79,9 @@ class Skeleton:
 
     @cached_property
     def _above(self) -> dict[str, Array]:
-        """`(J, J)`: one where the second joint lies on the way from the root to the first, both but the root included.
+        """`(J, J)`: 1 if the second joint is on the path from the root to the first, including the first but not the root.
 
-        Of both types, as a product of two types takes several times as long.
+        In both dtypes, as mixed products take several times as long.
         """
         above = np.zeros((len(self), len(self)), np.float32)
         for joint, parent in enumerate(self.parents):
@@ -92,7 +92,7 @@ class Skeleton:
 
     @cached_property
     def _by_depth(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[slice, NDArray[np.int64]]]]:
-        """Joints by their depth, the place of each in that order, and there each depth but the first with the places of its parents."""
+        """Joints sorted by depth, each joint's index in that order, and the slices of each depth with their parents' indices."""
         depths: list[int] = []
         for parent in self.parents:
             depths.append(depths[parent] + 1 if parent >= 0 else 0)
@@ -185,7 +185,7 @@ def mirror_motion(hips: Array, local: Array) -> tuple[Array, Array]:
     return hips * np.array([-1, 1, 1], np.float32), mirrored
 
 
-# Heights of ankle and toe joint over the ground when the sole stands flat, metres (medians of captured stances).
+# Heights of ankle and toe joint above the ground with a flat sole, metres (medians of captured stances).
 ANKLE_HEIGHT = 0.066
 TOE_HEIGHT = 0.028
 REST_HIPS_HEIGHT = 0.1013 + 0.4118 + 0.4233 + ANKLE_HEIGHT

@@ -1,11 +1,11 @@
-"""SPORT viewer: prompts to real-time locomotion. What this package names is the public interface; rooms behind it may move.
+"""SPORT viewer: prompts to real-time locomotion. The names of this package are the public API; the packages behind it may change.
 
 Nothing is imported before it is used: `import sport` and `sport --help` load neither numpy nor a network.
 """
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # an import of `typing` would come before the command takes its signals
+TYPE_CHECKING = False  # importing `typing` would come before the command's signal handlers
 if TYPE_CHECKING:  # "as": names that this package gives on
     from typing import Any
 

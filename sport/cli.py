@@ -1,4 +1,4 @@
-"""The `sport` command: takes the signals that end it, then imports what its subcommand needs."""
+"""The `sport` command: installs the signal handlers, then imports what its subcommand needs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-NEW_OBJECTS = (
-    20_000  # between two looks for garbage: Python's 700 cost a tenth of a start and a thirtieth of a frame
-)
+NEW_OBJECTS = 20_000  # between garbage collections: Python's 700 cost a tenth of the start-up
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Clips from the options of `sport generate`: the motion made, cut to length and written."""
+"""Clips from the options of `sport generate`: generated, trimmed and written."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
         note(terrain.note)
     rendered = seconds
     if export.fps > FPS and not any(format_of(out).film for out in outputs):
-        rendered += 1.0 / FPS  # the last frames at a higher rate lie between two of ours
+        rendered += 1.0 / FPS  # at higher rates the last frames lie between two of ours
     size = _size_of(export)
     model, prompter = (options.model, None) if tools is None else tools(options)
     for k, out in enumerate(outputs):
@@ -55,7 +55,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
 
 
 def _arguments(options: argparse.Namespace, controls: StickScript | None) -> dict[str, Any]:
-    """Return the arguments of `generate_clip` that all variants have."""
+    """Return the arguments of `generate_clip` shared by all variants."""
     from sport.commands.export import note
 
     return {
@@ -68,7 +68,7 @@ def _arguments(options: argparse.Namespace, controls: StickScript | None) -> dic
 
 
 def _size_of(export: ExportOptions) -> float:
-    """Return the size of the export's character, for which the motion is made; 1 for the mannequin. FileError."""
+    """Return the size of the export's character, for which the motion is generated; 1 for the mannequin. FileError."""
     from runtime.character.character import load_character
 
     if export.character is None or export.fit_to_motion:
@@ -86,7 +86,7 @@ def _outputs(options: argparse.Namespace) -> list[Path]:
         raise UsageError(f" {options.variants}: expected 1 to {MAX_VARIANTS}.", "Try 3.", "variants")
     if options.variants > 1 and options.ground_out is not None:
         raise UsageError(
-            " with --variants: all stand on the same ground.", "Leave one of the two out.", "ground_out"
+            " with --variants: all clips use the same ground.", "Leave one of the two out.", "ground_out"
         )
     if options.variants == 1:
         return [options.out]
@@ -94,20 +94,20 @@ def _outputs(options: argparse.Namespace) -> list[Path]:
 
 
 def _controls(options: argparse.Namespace) -> tuple[StickScript | None, float]:
-    """Return the script of the stick, where one is given, and the seconds of the clip; UsageError."""
+    """Return the stick script, if given, and the seconds of the clip; UsageError."""
     from runtime.motion.control_scripts import parse_stick
 
     if options.controls is None:
         return None, 10.0 if options.seconds is None else options.seconds
     for name in ("path", "gait", "speed"):
         if getattr(options, name) is not None:
-            raise UsageError(": the script of --controls has it.", "Leave one of the two out.", name)
+            raise UsageError(": --controls already sets it.", "Leave one of the two out.", name)
     script = parse_stick(options.controls)
     return script, script.seconds if options.seconds is None else options.seconds
 
 
 def _prompt(options: argparse.Namespace) -> Any:
-    """Return the prompt that `generate_clip` takes: one text, texts with times, six descriptions, or a blend."""
+    """Return the prompt for `generate_clip`: one text, texts with times, six descriptions, or a blend."""
     from runtime.generate import load_parts, parse_prompts
     from runtime.prompts.blend import BlendedPrompt
     from runtime.prompts.expander import DEFAULT_PROMPT, check_prompt

@@ -1,4 +1,4 @@
-"""The command line: the commands and their arguments, and the mistakes in them by the names that were typed."""
+"""The command line: commands and arguments, with errors that name the arguments as typed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from runtime.errors import UsageError
 from sport.commands import bench, convert, generate, restyle, training, view
 from sport.commands.arguments import export_arguments
 
-_DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
+_DESCRIPTION = "Type a prompt, drive the character over uneven ground, export the clip as BVH."
 _EXAMPLES = """examples:
   sport                                                    open the viewer
   sport view --terrain stairs --prompt "an exhausted soldier, left arm hanging"
@@ -50,7 +50,7 @@ def _with_flag(error: UsageError) -> UsageError:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports a mistake in one sentence, as every other error of the command, not with a page of usage."""
+    """Reports a mistake in one sentence, like every other error of the command, instead of printing usage."""
 
     def error(self, message: str) -> NoReturn:
         said = str(UsageError(message))  # on one line, whatever was typed

@@ -187,7 +187,7 @@ def quick_clips(monkeypatch: pytest.MonkeyPatch, loaded_once: None) -> None:
     from tests.helpers.walker import settle_soon
 
     settle_soon(monkeypatch)
-    monkeypatch.setattr(perceptual_weights, "LEAD_IN", 5)
+    monkeypatch.setattr(perceptual_weights, "LEAD_IN_FRAMES", 5)
     monkeypatch.setattr(perceptual_weights, "FRAMES", 15)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from runtime.assets import asset_path
 from runtime.character.character import Character, load_character
-from runtime.formats.glb import CHUNK
+from runtime.formats.glb import CHUNK_FRAMES
 from runtime.formats.glb_skeleton import HANDS_FRAMES
 from runtime.formats.reference import open_take
 from runtime.skeleton import SPORT_SKELETON
@@ -25,11 +25,11 @@ def factor(character: Character, clip: Clip) -> tuple[float, int]:
     """The fastest step of a hand over the fastest one of the motion, and its frame; in parts, as exports are made."""
     positions, world = (array.astype(np.float64) for array in clip.world())
     shown = np.empty((len(clip), len(HANDS), 3))
-    for first in range(0, len(clip), CHUNK):
-        begin, end = max(first - HANDS_FRAMES, 0), first + CHUNK + HANDS_FRAMES
+    for first in range(0, len(clip), CHUNK_FRAMES):
+        begin, end = max(first - HANDS_FRAMES, 0), first + CHUNK_FRAMES + HANDS_FRAMES
         contacts = np.asarray(clip.contacts[begin:end], np.float64)
         at, _ = character.adapted(positions[begin:end], world[begin:end], contacts)
-        shown[first : first + CHUNK] = at[first - begin :][:CHUNK, HANDS]
+        shown[first : first + CHUNK_FRAMES] = at[first - begin :][:CHUNK_FRAMES, HANDS]
     steps, own = (np.linalg.norm(np.diff(hands, axis=0), axis=-1) for hands in (shown, positions[:, HANDS]))
     return float(steps.max() / own.max()), int(steps.max(axis=1).argmax())
 

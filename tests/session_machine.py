@@ -36,7 +36,7 @@ from tests.helpers.full_session import text_of
 from tests.helpers.viewer_fakes import fake_services
 from viewer.app import App
 from viewer.edit.resimulation import RESIMULATION
-from viewer.jobs import AT_ONCE
+from viewer.jobs import MAX_PARALLEL_JOBS
 from viewer.messages import Level
 from viewer.options import ViewOptions
 from viewer.session.takes import RECORDED_FRAMES
@@ -489,7 +489,7 @@ class SessionMachine(RuleBasedStateMachine):
         """Resimulate a take, which takes until the gate is opened."""
         take, app = self.pick(place), self.app
         app.takes.play(take.number)
-        if len(self.model.running) == AT_ONCE or app.editing.fixed or take.frames < 8:
+        if len(self.model.running) == MAX_PARALLEL_JOBS or app.editing.fixed or take.frames < 8:
             return
         job = self.model.begin(take.number)
 

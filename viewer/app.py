@@ -31,17 +31,17 @@ from viewer.workspace import Workspace
 
 __all__ = ["App", "ViewOptions", "run"]
 
-# slow pictures are dropped and the motion keeps its time; more is a pause (a suspended laptop)
-LONGEST_FRAME_S = 1.0
+# slow frames are dropped and the motion keeps its time; a longer gap is a pause (a suspended laptop)
+MAX_FRAME_S = 1.0
 MINIMISED_WAIT_S = 0.1
 LOADING_FPS = 20.0
-FRAMES_PER_MEMORY_LOOK = 60  # between two looks at the memory
+FRAMES_PER_MEMORY_LOOK = 60  # between two checks of the memory in use
 # also with a modal window
 OVER_EVERYTHING = {Action.HELP, Action.NEXT_PANEL, Action.FULLSCREEN, Action.SCREENSHOT}
-PROMPT_PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
-# From the user's close on. What is not written by then is for the next start or given up: exports first, settings last.
+PROMPT_PATIENCE_S = 0.2  # grace period for a prompt's encoder when the program ends
+# Time limits from closing on. What is not written by then is kept for the next start or dropped: exports first, settings last.
 END_S, SESSION_S, SETTINGS_S = 1.6, 1.4, 0.1
-LATE_S = 0.25  # after that end, a process that was to end because of a signal is ended
+LATE_S = 0.25  # after that, a process ended by a signal is killed
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
@@ -59,7 +59,7 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
                     app.frame()
             except Exception:
                 ending.saving.set()
-                # defects that follow each other must not cost what was recorded
+                # repeated internal errors must not cost the recording
                 app.sessions.finish(keep=True, until=app.until(), ended=False)
                 raise
             ending.saving.set()
@@ -91,14 +91,14 @@ class App(Workspace):
         settings, complaints = load_settings(self.config)
         self.frames_shown = 0
         self._until = 0.0
-        self.interrupted = False  # from outside: by a signal or Ctrl+C
+        self.interrupted = False  # by a signal or Ctrl+C
         self.memory = MemoryWatch()
         self._intent = Intent()
         self._was_moving = False
-        self._interval_s = 0.0  # since the frame before, by the clock
-        self._steps = 0  # of the simulation in this frame
-        self._started = False  # the model that the program began with has answered its prompt, or has failed
-        self._script_s = 0.0  # how long the scripts of keys and stick have been played
+        self._interval_s = 0.0  # wall time since the last frame
+        self._steps = 0  # simulation steps in this frame
+        self._started = False  # the initial model has answered its prompt, or has failed
+        self._script_s = 0.0  # playing time of the key and stick scripts
         self._last_s = time.perf_counter()
         window = self._open_window(options, settings)
         try:
@@ -163,7 +163,7 @@ class App(Workspace):
         self._finish_drag()
         overlays = self._overlays_of(others)
         self.scene.renderer.render(window.framebuffer, self.scene.camera.current, pose, overlays)
-        if window.draws_aside:  # the next step is made while this picture is drawn
+        if window.draws_aside:  # the next step is computed while this frame is drawn
             window.begin_drawing()
             window.poll()
             self._control(dt)
@@ -173,14 +173,14 @@ class App(Workspace):
         self._finish_frame()
 
     def _overlays_of(self, others: list[Pose]) -> Overlays:
-        """Return what lies over the view; `others` stand beside the first of the compared characters."""
-        with self.defects.guarded("drawing what lies over the view", self.close_tools):
+        """Return the overlays of the view; `others` stand beside the first of the compared characters."""
+        with self.defects.guarded("drawing the overlays", self.close_tools):
             live = None if self.takes.playback is not None or others else self.scene.controller
             return self.overlays(live, others)
         return Overlays()
 
     def _control(self, dt: float) -> None:
-        """Do what keys, sticks and workers ask for, and let time pass for the character."""
+        """Apply keys, sticks and worker results, and advance the character."""
         self.keys.begin_frame()
         self._intent = intent = self._read_devices(dt)
         self._act(intent)
@@ -191,7 +191,7 @@ class App(Workspace):
     def _act(self, intent: Intent) -> None:
         self.keys.end_enter()
         modal = self.shell.modal
-        for action in intent.pressed:  # held actions and gaits are none of this table
+        for action in intent.pressed:  # held actions and gaits are not in this table
             if modal and action not in OVER_EVERYTHING:
                 continue
             with self.defects.guarded(f"doing “{action.name.replace('_', ' ').lower()}”"):
@@ -201,12 +201,12 @@ class App(Workspace):
     def _poll(self, dt: float, intent: Intent) -> None:
         moving = intent.move != (0.0, 0.0)
         for doing, poll, close in (
-            ("taking the results of workers", self.jobs.deliver, None),
-            ("taking the answer to a prompt", self.prompting.poll, None),
+            ("collecting the results of workers", self.jobs.deliver, None),
+            ("reading the answer to a prompt", self.prompting.poll, None),
             ("polling the pins", self.pins.poll, self.pins.close),
             ("polling the path", self.path.poll, self.path.stop),
             ("polling the session", self.sessions.poll, None),
-            ("watching the first steps", lambda: self.guide.watch(dt, moving), self.guide.skip),
+            ("updating the guide", lambda: self.guide.watch(dt, moving), self.guide.skip),
         ):
             with self.defects.guarded(doing, close or (lambda: None)):
                 poll()
@@ -215,7 +215,7 @@ class App(Workspace):
         self.kept.watch()
 
     def _finish_drag(self) -> None:
-        """Make a step of undo of what the mouse or a typed number changed, once that is let go of."""
+        """Commit a change by the mouse or a typed number as an undo step once it is released."""
         if self.editor.dragging and not (imgui.is_mouse_down(0) or imgui.is_any_item_active()):
             self.editor.finish_drag()
 
@@ -223,7 +223,7 @@ class App(Workspace):
         """Return the seconds since the last frame; offscreen every frame is one simulation step."""
         now = time.perf_counter()
         self._interval_s, self._last_s = now - self._last_s, now
-        return STEP_SECONDS if self.options.offscreen else min(self._interval_s, LONGEST_FRAME_S)
+        return STEP_SECONDS if self.options.offscreen else min(self._interval_s, MAX_FRAME_S)
 
     def _read_devices(self, dt: float) -> Intent:
         self.devices.play_script(self._scripted_seconds)
@@ -237,7 +237,7 @@ class App(Workspace):
 
     @property
     def _scripted_seconds(self) -> float:
-        """Time of the scripts; offscreen by frames: exact, where a sum would drift."""
+        """Return the time of the scripts; offscreen it is counted in frames, since a sum would drift."""
         return self.frames_shown * STEP_SECONDS if self.options.offscreen else self._script_s
 
     def _controls_of(self, intent: Intent) -> Controls:
@@ -290,14 +290,14 @@ class App(Workspace):
         camera.frame_in((right, up, fit), dt)
 
     def _finish_frame(self) -> None:
-        """Show the frame, note the times, and sleep where vsync does not hold the loop back."""
+        """Show the frame, record timings, and sleep if vsync does not limit the loop."""
         before = time.perf_counter()
         self.window.present()
         self.frames_shown += 1
         after = time.perf_counter()
-        # a GPU's swap waits for the monitor, which is no work; a software renderer does its work there
+        # a GPU's swap waits for the monitor, which is not work; a software renderer works there
         software = self.scene.renderer.quality.name != "high"
-        if self.frames_shown > 1:  # the first interval is the loading
+        if self.frames_shown > 1:  # the first interval includes loading
             work_s = (after if software else before) - self._last_s
             self.state.stats.add(work_s, self._interval_s, self._steps)
         if self.frames_shown % FRAMES_PER_MEMORY_LOOK == 1:
@@ -355,7 +355,7 @@ class App(Workspace):
 
     def close(self) -> None:
         until = self.until()
-        forget(self)  # the session that it began
+        forget(self)  # of the session that it began
         self.window.hide()
         self.editor.file.close(max(until - time.monotonic(), 0.0))
         self.jobs.close(until)

@@ -1,4 +1,4 @@
-"""Every edit of the session goes through here: it is a step of undo, and in the file at once. Nothing else undoes."""
+"""All edits of the session go through here: each is an undo step, saved at once. Nothing else can undo."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 
 Change = Callable[[Session], Session]
-Follower = Callable[[Session, Session], None]  # gets the session before and the one that holds now
+Follower = Callable[[Session, Session], None]  # receives the session before and after
 
 
 @dataclass
@@ -29,13 +29,13 @@ class Editor:
     file: SessionFile
     history: History = field(default_factory=History)
     followers: list[Follower] = field(default_factory=list)
-    # called before undo: takes back what is no step yet, such as a prompt without an answer, and says so
+    # called before undo: cancels unfinished work, such as an unanswered prompt, with a message
     withdraw: list[Callable[[], bool]] = field(default_factory=list)
-    opened: Session = field(init=False)  # what it was when its file was opened
-    session: Session = field(init=False)  # what holds now, with the drag under way
+    opened: Session = field(init=False)  # as it was when its file was opened
+    session: Session = field(init=False)  # the current one, including a drag in progress
     _draft: Session | None = None
     _draft_label: str = ""
-    # by the numbers of the steps that jobs still make: the job
+    # the job by the number of the step that it computes
     _running: dict[int, tuple[Jobs, Slot]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -95,7 +95,7 @@ class Editor:
         self._changed(before)
 
     def _abandon(self, number: int) -> None:
-        """Drop a step that a job was to make, and end the job."""
+        """Drop a step whose job is not finished, and end the job."""
         running, before = self._running.pop(number, None), self.session
         if running is not None:
             jobs, slot = running
@@ -143,7 +143,7 @@ class Editor:
             self._draft = change(self._draft)
         present = self.history.present.session
         self.history.replace(change(present))
-        if self.opened is present:  # the first ground and the first answer belong to what was opened
+        if self.opened is present:  # the first ground and the first answer belong to the opened session
             self.opened = self.history.present.session
         if (self._draft or self.history.present.session) is not before:
             self._changed(before)
@@ -175,7 +175,7 @@ class Editor:
         label, present = self.history.undo_label, self.history.present
         if present.awaited:
             self._abandon(present.number)
-            self.messages.note(f"Undone: {label}, before it was done.")
+            self.messages.note(f"Undone: {label}, before it had finished.")
         elif self._go(-1):
             self.messages.note(f"Undone: {label}. Ctrl+Y redoes it.")
         else:

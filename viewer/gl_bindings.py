@@ -1,4 +1,4 @@
-"""The one place that imports the native window libraries, in the one order that works.
+"""Imports the native window libraries, here only, in the one order that works.
 
 imgui-bundle carries its own glfw library and points the `glfw` package at it, so it must come first; in the other
 order two glfw libraries are loaded and the ImGui backend fails under Wayland.

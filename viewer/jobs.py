@@ -1,9 +1,9 @@
 """Slow work (loading, encoding, writing) on worker threads; results are delivered on the main thread.
 
-A job has a daemon thread: reading a pipe that never ends must not stop the end of the program. Files of the user are
-read and written at once, everything else a few at a time. Of what is not written, the newest job of a slot counts: an
-older one is dropped, and at the end of the program so is all the rest. What is written is finished, one after the other
-in its slot.
+Each job has a daemon thread, so that reading an endless pipe cannot block the end of the program. The user's files are
+read and written at once, everything else a few at a time. Of jobs that do not write, only the newest in a slot counts: an
+older one is dropped, and at the end of the program all of them. Writing jobs are always finished, one after the other
+in their slot.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from runtime.errors import SportError
 from viewer.messages import Messages
 
 _LOG = logging.getLogger("sport.viewer")
-PATIENCE_S = 0.7  # a file that is read or written faster is not mentioned
-AT_ONCE = 2  # jobs that neither read nor write a file of the user
+PATIENCE_S = 0.7  # faster reads and writes are not mentioned
+MAX_PARALLEL_JOBS = 2  # jobs that neither read nor write the user's files
 
 
 class JobCancelled(SportError):
@@ -32,7 +32,7 @@ class JobCancelled(SportError):
 
 @dataclass(frozen=True)
 class Slot:
-    """What a job is about: its kind in words for the user, and which one if there are several of the kind."""
+    """The subject of a job: its kind in words for the user, and which one if there are several."""
 
     what: str
     of: Hashable = None
@@ -44,18 +44,18 @@ class _Job:
     future: Future[Any]
     done: Callable[[Any], None]
     failed: Callable[[Exception], None] | None
-    reading: str = ""  # what is read: it can be cancelled, and the end of the program does not wait for it
-    writing: str = ""  # what is written: the end of the program waits for it
-    doing: str = ""  # what else the status line says of it
+    reading: str = ""  # the file being read: can be cancelled, and does not delay the end of the program
+    writing: str = ""  # the file being written: delays the end of the program
+    doing: str = ""  # any other text for the status line
     cancel: Callable[[], None] | None = None  # ends it early
     unwanted: Callable[[Any], object] | None = None  # gets the result if it comes no more
     begun: float = field(default_factory=time.monotonic)
-    dropped: bool = False  # its result comes no more
-    told: bool = False  # what is wrong with its file has been said by another job that read it too
+    dropped: bool = False  # its result is discarded
+    told: bool = False  # another job reading the same file has already reported its error
 
     @property
     def words(self) -> str:
-        """What the job is about, capitalised for the beginning of a sentence."""
+        """The subject of the job, capitalised for the beginning of a sentence."""
         what = self.writing or self.doing or self.slot.what
         return self.reading or what[:1].upper() + what[1:]
 
@@ -73,8 +73,8 @@ class Jobs:
     messages: Messages
     blocking: bool = False
     first_error: SportError | None = None
-    progress: dict[Slot, str] = field(default_factory=dict)  # how far a job is; written by any thread
-    _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(AT_ONCE))
+    progress: dict[Slot, str] = field(default_factory=dict)  # progress text of a job; set by any thread
+    _turn: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(MAX_PARALLEL_JOBS))
     _jobs: list[_Job] = field(default_factory=list)
 
     def submit(
@@ -127,7 +127,7 @@ class Jobs:
         return [job for job in self._jobs if job.slot == slot and bool(job.writing) is writing]
 
     def _drop(self, jobs: list[_Job]) -> None:
-        """End jobs whose results are not needed, as far as they let themselves be ended; what is read is forgotten."""
+        """End jobs whose results are not needed, if they can be cancelled; reads are abandoned."""
         self._jobs = [job for job in self._jobs if not (job.reading and job in jobs)]
         for job in jobs:
             job.dropped = True
@@ -183,7 +183,7 @@ class Jobs:
             job.done(result)
         except CancelledError:
             return
-        except Exception as error:  # whatever a loader meets becomes a message; the window lives on
+        except Exception as error:  # any error of a loader becomes a message; the window survives
             known = error if isinstance(error, SportError) else _for_animators(job, error)
             if not job.told:
                 self.messages.error(known, job.slot, holds=not (job.reading or job.writing))
@@ -217,9 +217,9 @@ class Jobs:
         return not late and not any(future.exception() for future in done)
 
     def _give_up(self, late: list[_Job]) -> None:
-        """Drop jobs that are too late for the end of the program, and say so."""
+        """Drop jobs that are too late for the end of the program, with a message."""
         self._drop(late)
-        wait([job.future for job in late if job.cancel is not None], 0.2)  # what can be ended early cleans up
+        wait([job.future for job in late if job.cancel is not None], 0.2)  # cancelled jobs clean up
         for job in late:
             self.messages.warn(f"{job.words} was cancelled: the program is closing.")
         self._jobs = [job for job in self._jobs if job not in late]
@@ -234,7 +234,7 @@ def _run(work: Callable[[], Any], future: Future[Any]) -> None:
     if future.set_running_or_notify_cancel():
         try:
             future.set_result(work())
-        except BaseException as error:  # whatever it is, it is raised where the result is requested
+        except BaseException as error:  # raised again where the result is requested
             future.set_exception(error)
 
 
@@ -244,16 +244,16 @@ def _let_go(unwanted: Callable[[Any], object], future: Future[Any]) -> None:
 
 
 def _for_animators(job: _Job, error: Exception) -> SportError:
-    """Return what to say of an unforeseen error; its own words are in the log."""
+    """Return the message for an unexpected error; its traceback is in the log."""
     _LOG.exception("job %s failed", job.words)
     if isinstance(error, MemoryError):
         return SportError(f"{job.words}: not enough memory.", "Close other programs, or use a smaller file.")
     if job.reading:
         return SportError(
-            f"{job.reading} cannot be read: it is damaged, empty, or not what its ending says.",
-            "Write it again with the program that made it.",
+            f"{job.reading} cannot be read: it is damaged, empty, or has the wrong ending.",
+            "Export it again from the program that made it.",
         )
     return SportError(
-        f"{job.words}: this failed inside the program ({type(error).__name__}).",
-        "Please report this defect with the log.",
+        f"{job.words}: internal error ({type(error).__name__}).",
+        "Please report it with the log.",
     )

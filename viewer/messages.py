@@ -1,4 +1,4 @@
-"""Messages of the status line: what is shown now, what waits for its turn, and the list of the last ones."""
+"""Messages of the status line: the current one, those waiting, and the list of recent ones."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pathlib import Path
 from runtime.safe_read import printable
 from viewer.process import show_in_folder
 
-NOTE_S, WARNING_S, ERROR_S = 8.0, 60.0, 60.0  # how long each is shown, when nothing else is said
-READ_S = 4.0  # so long, nothing of less weight takes the place of a warning or an error
-SETTLED_S = 4.0  # so long, what holds no longer is still there to be read
+NOTE_S, WARNING_S, ERROR_S = 8.0, 60.0, 60.0  # display time of each level, if no other message follows
+READ_S = 4.0  # for which nothing less severe replaces a warning or an error
+SETTLED_S = 4.0  # for which a settled message stays visible
 MAX_MESSAGES = 50
 _LOG = logging.getLogger("sport.viewer")
 
@@ -38,11 +38,11 @@ class Message:
     text: str
     level: Level
     begins_s: float
-    topic: object = None  # what it is about: `settle` ends it
+    topic: object = None  # its subject: `settle` ends it
     settled: bool = False
-    path: Path | None = None  # of a file that was written, which can be shown in its folder
-    remedy: str = ""  # the end of the text: what can be done
-    holds: bool = False  # it complains of a state: shown again after others, until it is settled
+    path: Path | None = None  # of a written file, which can be shown in its folder
+    remedy: str = ""  # end of the text: what to do
+    holds: bool = False  # reports a lasting state: shown again after others, until it is settled
     told_at: str = ""  # hours, minutes and seconds
 
     @property
@@ -62,7 +62,7 @@ class Messages:
     """Recent messages, newest last."""
 
     clock: Callable[[], float] = time.monotonic
-    logged: bool = True  # False while the caller raises what goes wrong, so that it is not shown twice
+    logged: bool = True  # False while the caller raises errors, so that they are not shown twice
     recent: deque[Message] = field(default_factory=lambda: deque(maxlen=MAX_MESSAGES))
 
     def post(
@@ -74,7 +74,7 @@ class Messages:
         remedy: str = "",
         holds: bool = False,
     ) -> None:
-        """Show and log `text`, after a more severe message was read; repeating the current message only extends it."""
+        """Show and log `text` once a more severe message was readable; repeating the current message only extends it."""
         last, now = self.recent[-1] if self.recent else None, self.clock()
         text, remedy = (printable(" ".join(words.split())) for words in (text, remedy))
         begins_s = now

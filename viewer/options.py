@@ -42,8 +42,8 @@ class ViewOptions:
     blend_weights: Weights = (0.5,) * len(ALL_A)  # its weight in each body part
     model: Path | None = None  # directory of an exported model
     character: Path | None = None  # GLB
-    fit_to_motion: bool = False  # the character gets the size of the motion
-    joint_map: Path | None = None  # JSON of its joints, in place of the one in its folder
+    fit_to_motion: bool = False  # scale the character to the motion
+    joint_map: Path | None = None  # JSON of its joints, instead of the one in its folder
     clip: Path | None = None  # BVH to open
     session: str | None = None  # file of a session, or "last"
     seed: int = specified(0, 0, MAX_SEED, flag="--seed")
@@ -53,7 +53,7 @@ class ViewOptions:
     controls: str | None = None
     keys: str = ""
     vmc: str | None = None  # the same by the VMC protocol
-    live_link: str | None = None  # where poses go, see `viewer.live.link`; None: nowhere
+    live_link: str | None = None  # address for live poses, see `viewer.live.link`; None: off
 
     @property
     def saves_pictures(self) -> bool:
@@ -75,7 +75,7 @@ class ViewOptions:
             check_target(expanded(self.screenshot))
 
     def _check_sources(self) -> None:
-        """FileError or TerrainError where a file or ground is named that is not there."""
+        """Raise FileError or TerrainError if a named file or ground does not exist."""
         session = Path(self.session) if self.session and self.session != "last" else None
         for path in filter(None, (session, self.clip, self.character, self.joint_map)):
             check_source(expanded(path))

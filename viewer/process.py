@@ -1,4 +1,4 @@
-"""This process: the signals that end it, its memory, and the file manager that it opens."""
+"""This process: its termination signals, its memory, and the file manager that it opens."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Any
 
 from runtime.interrupts import SIGNALS, end_now
 
-FRAME_S = 0.9  # that the frame in hand may take after a signal
+FRAME_S = 0.9  # time for the current frame after a signal
 
 
 def show_in_folder(path: Path) -> None:
@@ -37,7 +37,7 @@ class Ending:
 
     def __init__(self, end: Callable[[], None], limit_s: float) -> None:
         self.number = 0  # of the first signal
-        self.saving = threading.Event()  # set once the main loop is over
+        self.saving = threading.Event()  # set when the main loop has ended
         self._over = threading.Event()
         self._end, self._limit_s = end, limit_s
 
@@ -45,9 +45,9 @@ class Ending:
     def handled(self) -> Iterator[None]:
         """Install the handlers within the block, and restore the previous ones after it."""
         before: dict[int, Any] = {}
-        if threading.current_thread() is threading.main_thread():  # no other one may set handlers
+        if threading.current_thread() is threading.main_thread():  # only the main thread may set handlers
             for number in SIGNALS:
-                if signal.getsignal(number) not in (None, signal.SIG_IGN):  # `nohup` is obeyed
+                if signal.getsignal(number) not in (None, signal.SIG_IGN):  # `nohup` is respected
                     before[number] = signal.signal(number, self._signalled)
         try:
             yield
@@ -71,16 +71,16 @@ class Ending:
 
 _STATUS = Path("/proc/self/statm")
 _PAGE_MB = mmap.PAGESIZE / 2**20
-# of glibc's `mallopt`: heaps of threads, and the size from which on a block is mapped and unmapped by itself
+# of glibc's `mallopt`: number of heaps, and block size above which memory is mapped separately
 _ARENA_MAX, _MMAP_THRESHOLD = -8, -3
-GROWN_MB = 24.0  # after which what was freed is given back
+GROWN_MB = 24.0  # growth after which freed memory is returned
 ARENAS, MAPPED_BYTES = 2, 1 << 20
 
 
 def give_back_large_blocks() -> None:
     """Make glibc return freed blocks of a megabyte and more to the system; call before threads are started.
 
-    By default glibc raises that limit to 32 MB and makes a heap for every thread: a quarter of the memory of a long
+    By default glibc raises that limit to 32 MB and creates a heap per thread: a quarter of the memory in a long
     session was free blocks. Other C libraries are unaffected.
     """
     _call_glibc("mallopt", _ARENA_MAX, ARENAS)
@@ -106,13 +106,13 @@ def resident_mb() -> float:
 class MemoryWatch:
     """Returns freed memory to the system when this process has grown."""
 
-    mb: float = 0.0  # that this process holds; 0 where the system does not tell
-    _trimmed_mb: float = 0.0  # held after freed memory was last given back
+    mb: float = 0.0  # memory of this process; 0 if unknown
+    _trimmed_mb: float = 0.0  # memory when freed blocks were last returned
 
     def look(self) -> None:
         """Measure the memory, and return freed memory if it grew much; call about once a second."""
         self.mb = resident_mb()
         if self.mb > self._trimmed_mb + GROWN_MB:
-            _call_glibc("malloc_trim", 0)  # some milliseconds, and with glibc only
+            _call_glibc("malloc_trim", 0)  # takes some milliseconds; glibc only
             self.mb = self._trimmed_mb = resident_mb()
-        self._trimmed_mb = min(self._trimmed_mb, self.mb)  # what shrinks by itself may not grow back unseen
+        self._trimmed_mb = min(self._trimmed_mb, self.mb)  # shrunk memory may not grow back unnoticed

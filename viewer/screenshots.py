@@ -1,4 +1,4 @@
-"""Finished frames as PNG files: one that a key asks for, or all of them."""
+"""Writes finished frames as PNG files: one requested by a key, or all of them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Screenshots:
     settings: Settings
     messages: Messages
     jobs: Jobs
-    folder: Path | None  # where every frame goes
-    _next: Path | None = None  # where the next frame is written
+    folder: Path | None  # for every frame
+    _next: Path | None = None  # target of the next frame
 
     def ask(self) -> None:
-        name = time.strftime("sport-%Y%m%d-%H%M%S.png")  # another of the same second may have it
+        name = time.strftime("sport-%Y%m%d-%H%M%S.png")  # two of the same second get different names
         self._next = expanded(self.settings.export_folder) / name
 
     def capture(self, window: Window, number: int) -> None:

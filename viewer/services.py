@@ -28,7 +28,7 @@ from viewer.render.renderer import Renderer
 
 STYLES = "prompts/styles.json"
 LIBRARY = "prompts/library.json"
-BETWEEN_FRAMES_S = 0.004  # in which the window draws while a blend is measured
+BETWEEN_FRAMES_S = 0.004  # sleep for the window to draw while a blend is measured
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def load_character(path: Path | None, joint_map: Path | None = None, unit: str =
     """Load a character file (default: the mannequin); `joint_map` replaces the one in its folder."""
     source = asset_path(DEFAULT_CHARACTER) if path is None else path
     character = read_character(source, joint_map, unit or None)
-    _ = character.body  # fitted here, on a worker, not in the first frame
+    _ = character.body  # fitted here, on a worker, instead of in the first frame
     return character
 
 

@@ -1,4 +1,4 @@
-"""What the viewer remembers between runs, each choice with its range and its look: a small JSON file of the user."""
+"""Settings stored between runs, each with its range and widget: a small JSON file of the user."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Settings:
 
     width: int = specified(1280, 320, 8192)  # window, screen units
     height: int = specified(720, 240, 8192)
-    ui_scale: float = specified(0.0, 0.0, 4.0)  # 0: as the monitor says
+    ui_scale: float = specified(0.0, 0.0, 4.0)  # 0: the monitor's
     vsync: bool = True
     max_fps: float = specified(120.0, 10.0, 1000.0)
     quality: str = specified("", choices=QUALITIES, label="Quality")
@@ -79,7 +79,7 @@ class Settings:
         False, label="Contacts", hint="Which heels and toes stand on the ground (F4)"
     )
     show_ghosts: bool = specified(
-        False, label="Ghosts", hint="Poses before the one shown, of a take also after it"
+        False, label="Ghosts", hint="Poses before the one shown; in a take also after it"
     )
     show_trails: bool = specified(
         False, label="Trails", hint="Lines of hands, feet, head and hips, blue where slow, red where fast"
@@ -89,7 +89,7 @@ class Settings:
     )
     temperature: float = specified(
         TEMPERATURE, 0.0, 2.0, label="%.2f",
-        hint="Temperature of the sampler: 0 always moves alike, 1 as widely as the capture, more is livelier",
+        hint="Temperature of the sampler: 0 always moves the same, 1 varies as the captures do, more is livelier",
     )  # fmt: skip
     response: float = specified(
         0.0, 0.0, 1.0, label="%.0f %%", factor=100.0, whole=True,
@@ -97,14 +97,14 @@ class Settings:
     )  # fmt: skip
     strength: float = specified(
         1.0, 0.0, 1.5, label="strength %.0f %%", factor=100.0, whole=True,
-        hint="How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it",
+        hint="Style strength: 0 is plain walking, more than 100 exaggerates the style",
     )  # fmt: skip
     vmc_root: bool = specified(
         False, label="Way on the root", hint="/VMC/Ext/Root/Pos goes over the ground; the hips stay above it"
     )
     exact_legs: bool = specified(
         True, label="Exact edits",
-        hint="Edits add what the network does not show of legs, trunk and arms: line of the feet, hips, heels,\nknees, lean, sway, elbows, swing, places of hands. Off: the network alone",
+        hint="Body edits add what the network does not show of a prompt: line of the feet, hips, heels,\nknees, lean, sway, elbows, swing, places of hands. Off: the network alone",
     )  # fmt: skip
     blend_seconds: float = specified(
         0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,
@@ -121,19 +121,19 @@ class Settings:
         hint="How far a stick of the gamepad moves before it counts",
     )  # fmt: skip
     navigation: str = specified("sport", choices=NAVIGATIONS)
-    pad_buttons: str = ""  # changes of the gamepad, and of the keyboard, see `viewer.input.bindings.bound`
+    pad_buttons: str = ""  # changed gamepad and keyboard bindings, see `viewer.input.bindings.bound`
     keys: str = ""
     invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
-    known_models: list[str] = field(default_factory=list)  # folders that were chosen here, newest first
-    known_films: list[str] = field(default_factory=list)  # films that were chosen here, newest first
+    known_models: list[str] = field(default_factory=list)  # folders chosen here, newest first
+    known_films: list[str] = field(default_factory=list)  # films chosen here, newest first
     model_folder: str = ""  # name of a shipped model or folder of an exported one; "": the default
     first_minute_seen: bool = False
     recent_sessions: list[str] = field(default_factory=list)  # newest first
     prompt_history: list[str] = field(default_factory=list)  # newest first
-    # what answers prompts; "" is what the environment says
+    # what answers prompts; "" for the environment's choice
     expander: str = specified("", choices={"": "", "library": "Library", "gpt": "Language model"})
-    gpt_base_url: str = ""  # "": the environment's or OpenAI's; one with credentials is not kept
+    gpt_base_url: str = ""  # "": the environment's or OpenAI's; one with credentials is not stored
     gpt_model: str = ""
     gpt_timeout_s: float = specified(
         10.0, 1.0, 120.0, label="Wait up to %.0f s", whole=True, logarithmic=True
@@ -218,8 +218,8 @@ class KeptSettings:
     jobs: Jobs
     active: bool
     clock: Callable[[], float] = time.monotonic
-    _written: Settings = field(init=False)  # what this run began with, or has written since
-    _tried: Settings = field(init=False)  # what cannot be written is said once
+    _written: Settings = field(init=False)  # the initial ones, or those last written
+    _tried: Settings = field(init=False)  # a failed write is only reported once
     _next_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -261,12 +261,12 @@ def save_settings(settings: Settings, directory: Path, before: Settings | None =
     if before is not None:
         content = _read_or_keep_aside(path)
         values = {**content, **_changes(values, dataclasses.asdict(before), content)}
-    if values != content:  # else there is nothing to complain about where nothing can be written
+    if values != content:  # otherwise a write failure does not matter
         write_atomic(path, json.dumps(values, indent=2) + "\n")
 
 
 def _read_or_keep_aside(path: Path) -> dict[str, Any]:
-    """Return the fields of the file; one that holds values that cannot be used is kept under another name before it is replaced."""
+    """Return the fields of the file; a file with unusable values is kept under another name before it is replaced."""
     try:
         content = _read(path)
         kept = Settings()
@@ -275,7 +275,7 @@ def _read_or_keep_aside(path: Path) -> dict[str, Any]:
             for name, value in content.items()
             if hasattr(kept, name) and checked(name, value, getattr(kept, name)) != value
         ]
-    except FileError:  # said at the start
+    except FileError:  # reported at the start
         content, unusable = {}, [FILE_NAME]
     if unusable and path.is_file():
         stamp = time.strftime("%Y%m%d-%H%M%S")
@@ -284,7 +284,7 @@ def _read_or_keep_aside(path: Path) -> dict[str, Any]:
 
 
 def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
-    """Return what is to be written over the content of a file: changed fields, and those that it has unusable."""
+    """Return the values to write: the file's content with changed fields, and with its unusable ones replaced."""
     found = {}
     for name, value in values.items():
         theirs = checked(name, content[name], value) if name in content else before[name]

@@ -1,4 +1,4 @@
-"""The panels of one frame, each in its place, with the status line and the help."""
+"""The panels of one frame in their places, with the status line and the help."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class ShellState:
     crouching: bool = False  # the toggle is on
     help_open: bool = False
     panels_open: bool = True
-    clocked: bool = True  # times by the clock are shown; they say nothing of a run without a display
-    bare: bool = False  # no status line either: frames that are saved without panels
+    clocked: bool = True  # shows wall-clock timings, which mean nothing without a display
+    bare: bool = False  # no status line either: frames saved without panels
 
 
 @dataclass
@@ -49,14 +49,14 @@ class Shell:
     scene: Scene
     editing: Resimulation
     panels: Sequence[Panel]
-    texts: Callable[[], Iterable[str]]  # what is typed, which needs fonts
+    texts: Callable[[], Iterable[str]]  # typed texts, which need fonts
     fonts: Fonts
     defects: Defects
     focus: Focus = field(default_factory=Focus)
     _system_fonts: SystemFonts = field(init=False)
     _scale: float = 0.0
     _layout: Layout = field(default_factory=lambda: arrange(64.0, 64.0, 1.0))
-    _windows: list[str] = field(default_factory=list)  # of panels, in the order of the keyboard
+    _windows: list[str] = field(default_factory=list)  # of panels, in keyboard order
 
     def __post_init__(self) -> None:
         self._system_fonts = SystemFonts(self.fonts.regular)
@@ -99,14 +99,14 @@ class Shell:
         return any(panel.modal and panel.shown() for panel in self.panels)
 
     def _next_panel(self) -> None:
-        """Give the keys to the next panel, and after the last one to the view; among the windows over everything if there are any."""
+        """Focus the next panel, and after the last one the view; cycles through the windows above everything, if any."""
         drawn = [name for name in self.focus.windows or self._windows if is_drawn(name)]
         after = drawn.index(self.focus.holder) + 1 if self.focus.holder in drawn else 0
         first = drawn[0] if self.focus.windows else ""
         self.focus.give_to(drawn[after] if after < len(drawn) else first)
 
     def _cancel(self) -> None:
-        """Close the window in front, else take the keys from a panel, else close what is open in the view."""
+        """Close the front window, else unfocus a panel, else close what is open in the view."""
         if self.focus.windows:
             front = self.focus.windows[-1].removesuffix(OVER)
             self._close_first(panel for panel in self.panels if panel.name == front)
@@ -126,7 +126,7 @@ class Shell:
         """Show which window has the keyboard focus."""
         who = self.focus.holder.removesuffix(OVER) if self.focus.holder in self.focus.windows else "A panel"
         self.messages.post(
-            f"{who} has the keyboard: Esc or a click on the view returns it.", Level.NOTE, _KEYS
+            f"{who} has keyboard focus: Esc or a click on the view returns it.", Level.NOTE, _KEYS
         )
 
     def arrange(self, scale: float) -> None:
@@ -161,7 +161,7 @@ class Shell:
         if imgui.is_key_pressed(imgui.Key.escape, False):
             if self.focus.use is not Use.OPEN:
                 self._cancel()
-            # else a mouse that lies on the entry of a menu opens it again
+            # otherwise a mouse over a menu's entry would reopen it
             imgui.get_current_context().nav_highlight_item_under_nav = True
         layout, view = self._layout, self._layout.view
         self._cover_scripts()
@@ -183,7 +183,7 @@ class Shell:
             self.messages.settle(_KEYS)
 
     def _draw_below(self, layout: Layout) -> float:
-        """Draw the panel under the view; return the height that it leaves to the view."""
+        """Draw the panel under the view; return the remaining height of the view."""
         if layout.transport is None:
             return layout.view.height
         for panel in self._shown(PanelPlace.BELOW):
@@ -200,7 +200,7 @@ class Shell:
                 draw_centred(panel, rect, self.fonts) if panel.width else panel.draw(rect)
 
     def _draw_columns(self, layout: Layout) -> None:
-        """Draw the panels at the sides: in windows of their own, or as tabs where several have one place."""
+        """Draw the side panels: in windows of their own, or as tabs if several share a place."""
         shown, right = self._shown(*_COLUMNS), self._shown(*_COLUMNS[1:])
         rects = dict(zip(_COLUMNS, (layout.prompt, layout.scene, layout.clips), strict=True))
         for panel in shown:
@@ -216,7 +216,7 @@ class Shell:
         draw_window(name, rect, contents)
 
     def _cover_scripts(self) -> None:
-        """Have a font for what is typed and said, or say that there is none."""
+        """Load fonts for the texts, or report characters without a font."""
         missing = self._system_fonts.cover([*self.texts(), *(said.text for said in self.messages.recent)])
         if missing:
             codes = ", ".join(f"U+{ord(c):04X}" for c in missing[:4])
@@ -236,27 +236,27 @@ class Shell:
         imgui.pop_style_var(2)
 
     def _facts(self) -> list[tuple[str, str]]:
-        """Return what is known about model, speed and device with its explanation, the most important last."""
+        """Return facts about model, speed and device with explanations, the most important last."""
         stats, scene, device = self.state.stats, self.scene, self.state.device
         icon = ICON.keyboard if device == KEYBOARD else ICON.gamepad
         model = f"{ICON.chip} {scene.model_name or 'no model'}  {scene.provider}".rstrip()
         driven_by = (f"{icon} {device[:24]}", "The device that drives the character")
         keyed = scene.simulation.keyed
         if keyed:
-            hint = "Legs and hips follow keys over this obstacle, not the network"
+            hint = "Legs and hips are keyframed over this obstacle"
             driven_by = f"{ICON.walk} keyed: {keyed}", hint
         if not self.state.clocked:
-            return [(model, "The motion model and what runs it"), driven_by]
-        memory = [(f"{stats.memory_mb:.0f} MB", "Memory of the program, with every take of the list")]
+            return [(model, "The motion model and its execution provider"), driven_by]
+        memory = [(f"{stats.memory_mb:.0f} MB", "Memory of the program, with all takes")]
         return [
             *(memory if stats.memory_mb else ()),
-            (model, "The motion model and what runs it"),
+            (model, "The motion model and its execution provider"),
             (f"model {scene.simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
-            (f"frame {stats.frame_ms:.0f} ms", "Work of one displayed frame"),
-            (f"{stats.fps:.0f} fps", "Frames shown a second, by the clock"),
+            (f"frame {stats.frame_ms:.0f} ms", "Time to prepare one displayed frame"),
+            (f"{stats.fps:.0f} fps", "Displayed frames per second"),
             (
                 f"sim {stats.steps_per_s:.0f} Hz",
-                "Steps of the simulation a second, by the clock; 60 is real time",
+                "Simulation steps per second; 60 is real time",
             ),
             driven_by,
         ]

@@ -1,4 +1,4 @@
-"""One glfw window (or none: PLATFORM_NULL with EGL), its OpenGL context, ImGui, and the framebuffer of the app."""
+"""One glfw window (or PLATFORM_NULL with EGL), its OpenGL context, ImGui, and the application's framebuffer."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _LOG = logging.getLogger("sport.viewer")
 _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."
 
 TITLE = "SPORT viewer"
-# Mesa draws on a thread of its own while the program goes on, and does not say so
+# Mesa draws on a thread of its own without reporting it
 DRIVER_OPTIONS = {"mesa_glthread": "true", "MESA_DEBUG": "silent"}
 MAX_PASSES = 60  # of the panels in one frame
 PASS_SECONDS = 1e-4
-MIN_FRAME_S = 1e-6  # of a picture
-TEXT_WAITS_FRAMES = 4  # that characters wait for their field
-MAX_WAITING_CHARACTERS = 4096  # characters that ImGui has not handed out
+MIN_FRAME_S = 1e-6  # of a frame
+TEXT_WAITS_FRAMES = 4  # for which characters wait for their field
+MAX_WAITING_CHARACTERS = 4096  # that ImGui has not delivered yet
 
 _PLAIN_KEYS = (
     "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "END", "PAGE_UP", "PAGE_DOWN",
@@ -45,9 +45,9 @@ KEY_NAMES: dict[int, str] = {
     **{getattr(glfw, f"KEY_{side}_CONTROL"): "ctrl" for side in ("LEFT", "RIGHT")},
 }  # fmt: skip
 _LETTERS = frozenset(chr(ord("a") + i) for i in range(26))
-# keys that type something
+# keys that type text
 _TYPING = _LETTERS | frozenset("0123456789") | {"space", "equal", "minus", "comma", "period"}
-REPEATED_KEYS = frozenset({"left", "right", "comma", "period"})  # held, they go on from frame to frame
+REPEATED_KEYS = frozenset({"left", "right", "comma", "period"})  # repeat from frame to frame while held
 _MODIFIERS = {"ctrl": imgui.Key.mod_ctrl, "shift": imgui.Key.mod_shift, "alt": imgui.Key.mod_alt}
 KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.items())}
 
@@ -56,7 +56,7 @@ KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.ite
 class WindowEvents:
     """Callbacks for window events, set before the window opens."""
 
-    key: Callable[[str, bool], bool]  # name, down; whether it acts, and what it types is no text
+    key: Callable[[str, bool], bool]  # name, pressed; whether it acts: its character is not text then
     mouse_press: Callable[[float, float], None]  # where, in screen units
     focus: Callable[[bool], None]
     drop: Callable[[list[Path]], None]
@@ -74,15 +74,15 @@ class Window:
         ui_scale: float = 0.0,
         kept: bool = False,
     ) -> None:
-        """`kept`: the picture is read after it was shown, when a window need not have it any more."""
+        """`kept`: the frame is read after it was shown, when a window may have discarded it."""
         self._events = events
         self._offscreen = offscreen
         self.wanted_scale = ui_scale
         self._mouse = 0.0, 0.0
         self._early: list[tuple[int, int]] = []  # characters without a field, and for how many frames
-        self._typed: list[tuple[int, bool]] = []  # those that ImGui has not handed out; whether they are text
-        self._acting: set[str] = set()  # keys that went down for an action, until they are up
-        self._acts = False  # the key that moved last is one of them: its character comes next
+        self._typed: list[tuple[int, bool]] = []  # those not yet delivered by ImGui; whether they are text
+        self._acting: set[str] = set()  # keys pressed for an action, until they are released
+        self._acts = False  # the last key event was one of them: its character comes next
         self._injected: set[str] = set()  # modifiers held by `inject_key`
         self._windowed: tuple[int, int, int, int] | None = None
         self._texture: Any = None
@@ -94,7 +94,7 @@ class Window:
         self.handle: Any = _open(*size, offscreen)
         try:
             glfw.make_context_current(self.handle)
-            # known from events: to ask for them waits for the display, several times a picture
+            # known from events: querying waits for the display, several times per frame
             self.size: tuple[int, int] = glfw.get_window_size(self.handle)
             self.pixels: tuple[int, int] = glfw.get_framebuffer_size(self.handle)
             self._content_scale: float = glfw.get_window_content_scale(self.handle)[0]
@@ -102,7 +102,7 @@ class Window:
             self.ctx = _context()
             flush: Any = glfw.get_proc_address("glFlush")
             self._flush = ctypes.CFUNCTYPE(None)(flush)
-            # other cores of the processor draw while the program goes on; it would copy every pixel once more
+            # software drawing on other cores continues meanwhile; it would copy every pixel once more
             self.draws_aside = is_software(self.ctx) and not (offscreen or kept)
             glfw.swap_interval(1 if vsync and not offscreen else 0)
             self._install_callbacks()
@@ -151,7 +151,7 @@ class Window:
                 glfw.wait_events_timeout(wait_seconds)
             else:
                 glfw.poll_events()
-        except UnicodeDecodeError:  # glfw decodes the names of dropped files, and of nothing else here
+        except UnicodeDecodeError:  # glfw decodes only the names of dropped files here
             _LOG.warning("A dropped file's name is not UTF-8. Rename it, or open it from the command line.")
 
     @property
@@ -170,7 +170,7 @@ class Window:
         self._keep_text_for_field()
 
     def _keep_text_for_field(self) -> None:
-        """Give characters that came before their field had the keyboard to it: ImGui drops those of that frame."""
+        """Deliver characters typed before their field had the focus: ImGui drops those of that frame."""
         queue = imgui.get_io().input_queue_characters
         text = self._text([queue[i] for i in range(queue.size())])
         queue.clear()
@@ -183,7 +183,7 @@ class Window:
                 queue.push_back(code)
 
     def _text(self, codes: list[int]) -> list[int]:
-        """Return the characters that no acting key typed, of those that ImGui hands out: a held W repeats itself."""
+        """Return the characters delivered by ImGui that no acting key typed: a held W repeats itself."""
         text = []
         for code in codes:
             at = next((i for i, (typed, _) in enumerate(self._typed) if typed == code), None)
@@ -193,7 +193,7 @@ class Window:
         return text
 
     def take_input(self, draw: Callable[[float], None]) -> None:
-        """Process all events of a slow frame, since ImGui handles one key per frame; `draw` draws the panels, unseen, at a scale."""
+        """Process all events of a slow frame, since ImGui handles one key per frame; `draw` draws the panels invisibly."""
         for _ in range(MAX_PASSES):
             if not self.input_waits:
                 return
@@ -218,7 +218,7 @@ class Window:
     def present(self) -> None:
         """Show the framebuffer; without a display, only finish drawing."""
         if self._offscreen:
-            self.ctx.finish()  # what a swap would do: the library keeps the buffers of every picture until it is drawn
+            self.ctx.finish()  # like a swap: the library keeps the buffers of every frame until it is drawn
             return
         if not self.draws_aside:
             self.ctx.copy_framebuffer(self.ctx.screen, self.framebuffer)
@@ -261,12 +261,12 @@ class Window:
         if name in _MODIFIERS:
             (self._injected.add if down else self._injected.discard)(name)
         elif self._injected and name in _LETTERS:
-            # the backend would ask the real keyboard, where no modifier is held
+            # the backend would query the real keyboard, where no modifier is held
             self._on_key(None, code, 0, action, 0)
             imgui.get_io().add_key_event(getattr(imgui.Key, name), down)
             return
         imgui.backends.glfw_key_callback(self.address, code, 0, action, 0)
-        # the backend looks for modifiers at the real keyboard, at each key and button
+        # the backend checks modifiers on the real keyboard, at each key and button
         for modifier in self._injected:
             imgui.get_io().add_key_event(_MODIFIERS[modifier], True)
 
@@ -315,7 +315,7 @@ class Window:
         self._acts = False
 
     def _on_mouse_button(self, _window: Any, button: int, action: int, _mods: int) -> None:
-        # the middle button scrolls a panel, which leaves the keys where they are
+        # the middle button scrolls a panel, without moving the keyboard focus
         if action == glfw.PRESS and (button != 2 or not imgui.get_io().want_capture_mouse):
             self._events.mouse_press(*self._mouse)
 
@@ -323,15 +323,15 @@ class Window:
         imgui.create_context()
         implot.create_context()
         io = imgui.get_io()
-        io.set_ini_filename(None)  # the layout follows the window, nothing to remember
+        io.set_ini_filename(None)  # the layout follows the window; there is nothing to store
         # otherwise one exception between begin and end makes every later frame fail
         io.config_error_recovery_enable_assert = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard
         context = imgui.get_current_context()
-        # F6 goes from panel to panel, Ctrl+Tab would go behind a window
+        # F6 cycles through the panels; Ctrl+Tab would bypass the window
         context.config_nav_windowing_key_next = context.config_nav_windowing_key_prev = 0
-        io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot repair it
-        self.address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0  # as ImGui's backend wants it
+        io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot fix it
+        self.address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0  # as ImGui's backend needs it
         imgui.backends.glfw_init_for_opengl(self.address, True)
         imgui.backends.opengl3_init("#version 330")
 
@@ -389,7 +389,7 @@ def _open(width: int, height: int, offscreen: bool) -> Any:
 
 
 def _fitting_screen(width: int, height: int) -> tuple[int, int]:
-    """Return the size to ask for, no larger than what the first monitor has free: a window may come from a larger one."""
+    """Return the size to request, limited to the first monitor's free area: a stored one may come from a larger monitor."""
     monitor = glfw.get_primary_monitor()
     if not monitor:
         return width, height

@@ -1,4 +1,4 @@
-"""The session with every tool on it: assembled once; loads what the options say, and opens files."""
+"""The session with all its tools: assembled once; loads what the options request, and opens files."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ from viewer.shell import Shell, ShellState
 from viewer.window import Window
 
 PICTURE_WIDTH = 256  # pixels
-LEAVE_S = 0.7  # to write what a session has when the process ends before its loop does
+LEAVE_S = 0.7  # to write a session's data if the process ends before its main loop
 
 
 class Workspace:
@@ -148,7 +148,7 @@ class Workspace:
         self.actions = self._actions(panels)
 
     def _actions(self, panels: list[Panel]) -> dict[Action, Callable[[], None]]:
-        """Return what each action does, of the panels, of the shell and of all rooms together."""
+        """Return the function of each action: of the panels, the shell and all tools."""
         own = {
             Action.FRAME_SELECTION: self.frame_selection,
             Action.FULLSCREEN: self.window.toggle_full_screen,
@@ -158,7 +158,7 @@ class Workspace:
         return {action: do for room in rooms for action, do in room.items()}
 
     def _leave_session(self) -> None:
-        """Let go of the session's file where the process ends before its loop does; of an empty one nothing stays."""
+        """Release the session's file if the process ends before its main loop; an empty one is removed."""
         until = time.monotonic() + LEAVE_S
         if hasattr(self, "sessions"):
             self.sessions.finish(keep=True, until=until)
@@ -166,7 +166,7 @@ class Workspace:
             library.remove(self.editor.file.path)
 
     def _panels(self, dialogs: Dialogs) -> list[Panel]:
-        """Return every panel, from the left to the right and from the back to the front."""
+        """Return every panel, left to right and back to front."""
         compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
         references = ReferenceCard(
             self.references,
@@ -237,7 +237,7 @@ class Workspace:
         return character_file(WALKER)
 
     def _check(self) -> None:
-        """Raise what went wrong without a display: there is no status line to read it in."""
+        """Raise errors when there is no display, and therefore no status line."""
         failure = self.jobs.first_error or self.prompting.first_error
         if failure is not None:
             raise failure
@@ -250,13 +250,13 @@ class Workspace:
             self.guide.begin()
 
     def _sweep(self) -> None:
-        """Remove what a killed program has left half written in the folders that are written to."""
+        """Remove unfinished files of killed programs from the output folders."""
         folders = {expanded(self.settings.export_folder), self.sessions.untitled_folder}
         for folder in folders | {path.parent for path in self.sessions.recent}:
             sweep(folder)
 
     def _picture(self) -> bytes:
-        """Return a small PNG of the view, to know the session by; b"" before there is one."""
+        """Return a small PNG of the view as the session's picture; b"" before there is one."""
         from PIL import Image
 
         if self.window.framebuffer is None:

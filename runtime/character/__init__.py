@@ -1,1 +1,1 @@
-"""Skinned characters: glTF in and out, and which of their joints plays which of ours."""
+"""Skinned characters: glTF input and output, and the mapping of their joints to the SPORT skeleton."""

@@ -1,4 +1,4 @@
-"""The bodies of a file: which of its nodes are the joints of one character, whatever skins, cameras and other characters there are."""
+"""Bodies of a file: finds the joint nodes of each character among its skins, cameras, props and other characters."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from runtime.character.structure import guess_by_structure, leg_count
 from runtime.safe_read import printable
 
 MAX_BODY_JOINTS = 1024
-FBX_ROOT = "root"  # what holds all nodes of a file that was an FBX
-LEAST_JOINTS = len(NEEDED)  # of a body that is told by its tree
-MAX_LOOSE_BODIES = 8  # that no names tell
-# of the moved nodes of a file without skins hang on the top of a body, cameras and props apart
+FBX_ROOT = "root"  # node above all others in a converted FBX
+MIN_BODY_JOINTS = len(NEEDED)  # minimum joints of a body that is recognised by its hierarchy
+MAX_LOOSE_BODIES = 8  # without recognisable names
+# of a file without skins: fraction of the animated nodes, cameras and props apart, below the top of a body
 MOVED_FRACTION = 0.8
 
 
@@ -61,7 +61,7 @@ def find_bodies(nodes: Nodes, moved: Collection[int] = ()) -> list[Body]:
 
 
 def _body_name(nodes: Nodes, top: int, inside: list[int]) -> str:
-    """The name of what holds this body alone, as an armature does, else of its top."""
+    """Return the name of the node that holds this body alone, such as an armature, else of its top."""
     holder = nodes.parents[top]
     alone = holder >= 0 and {inside[node] for node in nodes.under(holder)} <= {-1, top}
     return nodes.name(holder if alone and nodes.name(holder) != FBX_ROOT else top)
@@ -77,11 +77,11 @@ def open_character(path: Path) -> tuple[GltfFile, str]:
         return file, ""
     _drop_skins(file, nodes.nearest(others), others)
     names = [printable(body.name)[:60] for body in known]
-    return file, f"{path.name}: {len(names)} bodies; {names[0]} is taken, not {', '.join(names[1:7])}."
+    return file, f"{path.name}: {len(names)} bodies; {names[0]} is used, not {', '.join(names[1:7])}."
 
 
 def _drop_skins(file: GltfFile, inside: list[int], others: set[int]) -> None:
-    """Take out the skins of which most joints are `others`, with their meshes and those that hang on such joints."""
+    """Remove skins that mostly consist of `others` joints, with their meshes and those attached to such joints."""
     skins = file.gltf.skins
     kept = [k for k, s in enumerate(skins) if 2 * len(others.intersection(s.joints)) <= len(s.joints)]
     for node, entry in enumerate(file.gltf.nodes):
@@ -93,24 +93,24 @@ def _drop_skins(file: GltfFile, inside: list[int], others: set[int]) -> None:
 
 
 def _bare(entry: Entry, field: str) -> bool:
-    """Whether a node has no "mesh" or "skin", whichever is the field, and is no camera or light."""
+    """Whether a node lacks the given `field` ("mesh" or "skin") and is not a camera or light."""
     light = (entry.extensions or {}).get("KHR_lights_punctual")
     return entry.get(field) is None and entry.camera is None and not light
 
 
 def _bits() -> dict[str, AnyArray]:
-    """For each name, without case and punctuation, the joints of NEEDED that it has in each convention, as bits."""
+    """Return, by simplified name, the joints of NEEDED with that name in each convention, as bits."""
     bits: dict[str, AnyArray] = {}
     for number, table in enumerate(CONVENTIONS.values()):
         for bit, joint in enumerate(NEEDED):
             found = bits.setdefault(table[joint], np.zeros(len(CONVENTIONS), np.int64))
-            # hips and head as any convention calls them
+            # hips and head by any convention's name
             found[slice(None) if bit < 2 else number] |= 1 << bit
     return bits
 
 
 def _named_tops(nodes: Nodes) -> list[int]:
-    """The lowest nodes in whose branch, but for those of others, are all the names of a body in one convention."""
+    """Return the lowest nodes whose branches, without other bodies, contain all joint names of one convention."""
     bits, bones = _bits(), vrm_bones(nodes.file)
     found = np.zeros((len(nodes.parents), len(CONVENTIONS)), np.int64)
     tops = []
@@ -125,7 +125,7 @@ def _named_tops(nodes: Nodes) -> list[int]:
 
 
 def _top(nodes: Nodes, bones: Collection[int], fraction: float) -> int:
-    """The lowest node that is one of some nodes, or has a fraction of those of its tree in its branch."""
+    """Return the lowest node that is one of `bones`, or has this fraction of its tree's in its branch."""
     below = nodes.counts(bones)
     top = max((node for node in nodes.order if nodes.parents[node] < 0), key=lambda node: below[node])
     least = fraction * below[top]
@@ -138,11 +138,11 @@ def _top(nodes: Nodes, bones: Collection[int], fraction: float) -> int:
 
 
 def _parted(nodes: Nodes, top: int, bones: Collection[int], depth: int = 8) -> dict[int, bool]:
-    """The lowest nodes, from a top down, whose branches are bodies by their rest pose; none where no branch is."""
+    """Return the lowest nodes below a top whose branches are bodies by their rest pose; empty if none are."""
     below = nodes.counts(bones)
     while len(deeper := list(filter(below.__getitem__, nodes.children[top]))) == 1 and top not in bones:
         top = deeper[0]
-    if depth == 0 or not LEAST_JOINTS <= below[top] <= MAX_BODY_JOINTS:
+    if depth == 0 or not MIN_BODY_JOINTS <= below[top] <= MAX_BODY_JOINTS:
         return {}
     tree = nodes.joint_tree(list(filter(below.__getitem__, nodes.under(top))))
     if guess_by_structure(tree, tree.positions):
@@ -157,7 +157,7 @@ def _joints(
 ) -> dict[int, list[int]]:
     """Return the joints of each body by its top, parents first: its branch without leaf meshes, cameras and lights.
 
-    Those are more than skins name, which many programs write without joints that hold no vertex.
+    Skins name fewer: many programs leave out joints without vertices.
     """
     kept = set[int]()
     for node in reversed(nodes.order):

@@ -1,4 +1,4 @@
-"""How far a character's trunk and head reach in every direction: tables of its mesh in the rest pose."""
+"""Radii of a character's trunk and head in every direction, as tables from its mesh in the rest pose."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from runtime.skeleton import SPORT_SKELETON
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1")
 HEAD = "Head"
 ARMS = ("Shoulder", "Arm", "ForeArm", "Hand", "FingerBase", "HandIndex1")
-# entries round the trunk, height of one, entries from under the head to its top
+# entries around the trunk, height of one, entries from the head's underside to its top
 AROUND = 32
 RISE_M = 0.02
 UP = 16
-CAP_M = 0.04  # the ends of a trunk's table are rounded over this height
+CAP_M = 0.04  # height over which the ends of a trunk's table are rounded
 HEAD_UP_M = 0.06
 SAMPLES = 60_000  # points on the mesh
 MIN_FILLED_FRACTION = 0.4  # of a table's entries; a body of loose pieces has no surface
-MIN_SAMPLES = 50  # of a part that has a table
-HAND_POINTS = 14  # that stand for a hand
+MIN_SAMPLES = 50  # minimum per part with a table
+HAND_POINTS = 14  # that represent a hand
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Table:
     """
 
     joint: int  # of the character
-    source: int  # SPORT joint that turns it
+    source: int  # SPORT joint that drives it
     origin: AnyArray
     radii: AnyArray
     round: bool  # a head
@@ -64,7 +64,7 @@ class BodySurface:
     def outward(self, points: AnyArray) -> AnyArray:
         """Return unit directions `(..., tables, 3)` from each table's axis or centre to the points, in the joints' rest frames."""
         away = points - self.origins
-        # a hand that goes through the middle of a head comes out at its top
+        # a hand that crosses the centre of a head leaves it at the top
         away[..., 1] = np.where(self.round, away[..., 1] + HEAD_UP_M, 0.0)
         return rotations.normalize(away)
 
@@ -83,7 +83,7 @@ class BodySurface:
         return np.asarray(np.maximum(reach - np.where(ball, whole, flat), 0.0))
 
     def _radius(self, row: AnyArray, around: AnyArray) -> AnyArray:
-        """Between the four neighbouring entries."""
+        """Interpolate between the four neighbouring entries."""
         r, a = np.floor(row).astype(np.int64), np.floor(around).astype(np.int64)
         up, on = row - r, around - a
         table = np.arange(len(self.rows))[:, None]
@@ -124,7 +124,7 @@ def _hands(rest: AnyArray, pivots: AnyArray, owner: AnyArray, joints: dict[str, 
 
 
 def _spread(points: AnyArray) -> AnyArray:
-    """Some of the points, as far from each other as may be."""
+    """Return a subset of the points, spread as far apart as possible."""
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
     gap = np.linalg.norm(points - points[chosen[0]], axis=1)
     while len(chosen) < HAND_POINTS:
@@ -134,7 +134,7 @@ def _spread(points: AnyArray) -> AnyArray:
 
 
 def _samples(mesh: SkinnedMesh, rest: AnyArray, owner: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Points on the mesh without its arms, evenly, and the SPORT joint that carries each."""
+    """Return evenly spread points on the mesh without its arms, and the SPORT joint that drives each."""
     arms = np.isin(owner, [side + bone for side in ("Left", "Right") for bone in ARMS] + ["LThumb", "RThumb"])
     triangles = mesh.triangles[~arms[mesh.triangles].any(axis=1)]
     corners = rest[triangles].astype(np.float64)
@@ -177,7 +177,7 @@ def _table(points: AnyArray, of: AnyArray, name: str, joint: int, pivots: AnyArr
 
 
 def _filled(radii: AnyArray) -> AnyArray:
-    """Empty entries from their neighbours round the axis, then from the neighbouring rows."""
+    """Fill empty entries from their neighbours around the axis, then from neighbouring rows."""
     filled = radii.copy()
     for r, row in enumerate(radii):
         known = np.flatnonzero(row > 0.0)

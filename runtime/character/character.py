@@ -29,10 +29,10 @@ from runtime.pose import Pose
 from runtime.safe_read import is_text, reason
 
 DEFAULT_CHARACTER = "character/mannequin.glb"  # an asset
-FILE_UNITS = (1.0, 0.01, 0.1, 0.0254, 0.001)  # metres of a unit of files, the most common first
+FILE_UNITS = (1.0, 0.01, 0.1, 0.0254, 0.001)  # metres per unit of a file, the most common first
 NAMED_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 SMALLEST_M, LARGEST_M = 0.3, 8.0
-MIN_SIZE, MAX_SIZE = 0.05, 20.0  # those of a clip
+MIN_SIZE, MAX_SIZE = 0.05, 20.0  # the same as for a clip
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,9 @@ def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> J
 
 @contextmanager
 def _reading(path: str | Path) -> Iterator[tuple[GltfFile, str]]:
-    """A file of one body, and what was left out, whose damage becomes a FileError."""
+    """Open a file with its first body, and the note on the others; damage becomes a FileError."""
     try:
-        with np.errstate(all="ignore"):  # what comes of it is checked
+        with np.errstate(all="ignore"):  # the results are checked
             yield open_character(Path(path))
     except STRUCTURE_ERRORS as error:
         raise FileError(f"{path}: damaged glTF structure ({reason(error)}).", REMEDY) from error
@@ -137,7 +137,7 @@ def _assemble(file: GltfFile, guess: JointGuess, data: MeshData, unit: str | Non
 
 
 def _size_note(file: GltfFile, character: Character, vertices: AnyArray, unit: str | None) -> str:
-    """A sentence about the height of a body whose unit was guessed; "" where it is as the file says."""
+    """Return a sentence about the height of a body whose unit was guessed; "" if it is as the file says."""
     alignment = character.alignment
     metres, sure = alignment.units * NAMED_UNITS[unit or "m"], unit is not None or file_unit(vertices) == 1.0
     if alignment.native or (sure and np.isclose(character.size, metres)):
@@ -146,7 +146,7 @@ def _size_note(file: GltfFile, character: Character, vertices: AnyArray, unit: s
     taken = (
         f"{file.path.name}: {high:.4g} units high, taken as {high * character.size / alignment.units:.2f} m"
     )
-    return f"{taken}; --character-unit m, cm, mm or in says another unit."
+    return f"{taken}; --character-unit m, cm, mm or in sets another unit."
 
 
 def file_unit(vertices: AnyArray) -> float | None:

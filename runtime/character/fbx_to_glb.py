@@ -1,6 +1,6 @@
-"""An FBX character becomes a GLB, by the library ufbx in a process of its own (`native_worker`).
+"""Converts an FBX character to GLB with the library ufbx, in a separate process (`native_worker`).
 
-Meshes, skins, nodes, base colours and textures are kept; animations where motion is wanted.
+Meshes, skins, nodes, base colours and textures are kept; animations if motion is requested.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from runtime.character.textures import linear
 if TYPE_CHECKING:
     import pygltflib as g
 
-MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; the latter are corners of faces
-MAX_SAMPLES = 3_000_000  # of the nodes of its animations
-STILL_TOLERANCE = 1e-7  # metres, or of a quaternion: what is nearer to rest is not moved
-INFLUENCES = 8  # joints of a vertex, the strongest
+MAX_NODES, MAX_VERTICES = 20_000, 6_000_000  # of a file; vertices are face corners
+MAX_SAMPLES = 3_000_000  # of the animated nodes
+STILL_TOLERANCE = 1e-7  # metres or quaternion components: smaller deviations from rest count as still
+INFLUENCES = 8  # per vertex, the strongest
 _KEPT: list[Any] = []
 
 
@@ -33,7 +33,7 @@ class Kept:
     The library frees elements that Python has released while the scene still refers to them.
     """
 
-    __slots__ = ("value",)  # there is one for each vertex and weight
+    __slots__ = ("value",)  # one exists for each vertex and weight
 
     def __init__(self, value: Any) -> None:
         _KEPT.append(value)
@@ -116,7 +116,7 @@ def _node(document: GlbBuffer, node: Any, nodes: dict[int, int], materials: dict
 
 
 def _animate(document: GlbBuffer, evaluate: Any, scene: Any, nodes: dict[int, int]) -> None:
-    """The animations as far as MAX_SAMPLES, of nodes that they move, sampled at the rate of the file; others by name."""
+    """Add the animations up to MAX_SAMPLES, sampled for the nodes they move at the file's rate; others by name only."""
     import pygltflib as g
 
     fps, left = min(max(float(scene.settings.frames_per_second), 1.0), 240.0), MAX_SAMPLES
@@ -142,7 +142,7 @@ def _animate(document: GlbBuffer, evaluate: Any, scene: Any, nodes: dict[int, in
 
 
 def _moved(node: Any, transforms: list[Any]) -> Iterator[tuple[str, Any]]:
-    """The properties of a node that are not always as at rest, with their values `(T, 3 or 4)`."""
+    """Yield the animated properties of a node that leave their rest value, with values `(T, 3 or 4)`."""
     for path, axes in (("translation", "xyz"), ("rotation", "xyzw"), ("scale", "xyz")):
         rows = [getattr(t, path) for t in (node.local_transform, *transforms)]
         values = np.array([[getattr(row, axis) for axis in axes] for row in rows])
@@ -152,7 +152,7 @@ def _moved(node: Any, transforms: list[Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _span(stack: Any) -> tuple[float, float]:
-    """When an animation begins and ends: as it says, or where it does not by its keys."""
+    """Return the time range of an animation, as stated or else from its keys."""
     if stack.time_end > stack.time_begin:
         return float(stack.time_begin), float(stack.time_end)
     values = [value for layer in stack.layers for value in layer.anim_values]
@@ -162,7 +162,7 @@ def _span(stack: Any) -> tuple[float, float]:
 
 
 def _active(node: Any, turns: Any) -> Any:
-    """Unit quaternions `(T, 4)`, x first, without the turns before and after that FBX leaves out where RotationActive is 0."""
+    """Return quaternions `(T, 4)`, x first, without the pre- and post-rotations that FBX ignores where RotationActive is 0."""
     turns = turns / np.maximum(np.linalg.norm(turns, axis=-1, keepdims=True), 1e-12)
     active = node.props.value.find_prop("RotationActive")
     if active is not None and active.value_int:
@@ -182,14 +182,14 @@ def _active(node: Any, turns: Any) -> Any:
 
 
 def _euler(node: Any, name: str) -> list[float]:
-    """Three angles of a property in degrees, zeros without it."""
+    """Return three angles of a property in degrees, zeros if it is missing."""
     found = node.props.value.find_prop(name)
     value = None if found is None else Kept(found).value_vec4
     return [0.0, 0.0, 0.0] if value is None else [value.x, value.y, value.z]
 
 
 def _triangles(mesh: Any) -> tuple[Any, Any]:
-    """Corners `(n, 3)` of all triangles, faces as fans, and the material of each."""
+    """Return the corners `(n, 3)` of all triangles (faces as fans), and the material of each."""
     faces = mesh.faces.array().astype(np.int64)
     part = mesh.face_material.array().astype(np.int64)
     part = part if len(part) == len(faces) else np.zeros(len(faces), np.int64)
@@ -219,7 +219,7 @@ def _mesh(document: GlbBuffer, node: Any, materials: dict[int, int]) -> int:
 
 
 def _primitive(document: GlbBuffer, mesh: Any, corners: Any, weights: tuple[Any, Any] | None) -> g.Primitive:
-    """A primitive of some corners: one vertex for those that are alike in everything."""
+    """Return a primitive of some corners, with identical corners merged into one vertex."""
     import pygltflib as g
 
     layers = {"POSITION": mesh.vertex_position, "NORMAL": mesh.vertex_normal,
@@ -297,7 +297,7 @@ def _material(document: GlbBuffer, material: Any, source: Path) -> int:
 
 
 def _image(texture: Any, source: Path) -> bytes | None:
-    """A texture as PNG or JPEG: embedded, or next to the file under its own name; None where it is neither."""
+    """Return a texture as PNG or JPEG, embedded or next to the file; None if it is neither."""
     name = Path((texture.relative_filename or texture.filename or "").replace("\\", "/")).name
     data = bytes(texture.content or b"") or _file_beside(source, name)
     if data.startswith((b"\x89PNG", b"\xff\xd8\xff")) or not data:
@@ -314,7 +314,7 @@ def _image(texture: Any, source: Path) -> bytes | None:
 
 
 def _file_beside(source: Path, name: str) -> bytes:
-    """The bytes of a texture's file where exporters put it; none where it is in none of these folders."""
+    """Return a texture's file from the folders that exporters use; empty if there is none."""
     folders = (source.parent, source.with_suffix(".fbm"), source.parent / "textures")
     return next(
         (path.read_bytes() for folder in folders if name and os.path.isfile(path := folder / name)), b""

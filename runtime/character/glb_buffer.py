@@ -1,4 +1,4 @@
-"""A glTF document with one binary buffer to which arrays are added."""
+"""A glTF document with one binary buffer, to which arrays are added."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from pygltflib import GLTF2
 
 
-GENERATOR = "SPORT viewer"  # by which glTF names what wrote a file
+GENERATOR = "SPORT viewer"  # stored as the file's generator
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 _COMPONENT_TYPES = {kind: number for number, kind in COMPONENTS.items()}
 _ELEMENT_TYPES = {width: name for name, width in WIDTHS.items()}
 NAMES_ACCESSORS = {"EXT_mesh_gpu_instancing"}
-WEIGHT_SUM_TOLERANCE = 1e-3  # of their sum: 8 bits round by as much
+WEIGHT_SUM_TOLERANCE = 1e-3  # from one: rounding to 8 bits causes as much
 _IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
@@ -59,7 +59,7 @@ class GlbBuffer:
         return made
 
     def _embed_images(self, file: GltfFile) -> None:
-        """All images inside the buffer, as PNG or JPEG: other forms are extensions that many programs lack."""
+        """Embed all images in the buffer as PNG or JPEG: many programs lack the extensions for other formats."""
         gltf = self.gltf
         for number, image in enumerate(gltf.images):
             if image.uri is None and image.mimeType in _IMAGE_TYPES.values():
@@ -82,7 +82,7 @@ class GlbBuffer:
                 names[:] = [name for name in names if name not in EXTENSIONS]
 
     def _normalise_weights(self, file: GltfFile) -> None:
-        """Skin weights that do not add up to one are replaced: a valid file has none, and many exporters write them."""
+        """Replace skin weights that do not add up to one, which are invalid but written by many exporters."""
         done: dict[tuple[int, ...], list[int]] = {}
         for primitive in _primitives(self.gltf):
             fields = vars(primitive.attributes)
@@ -93,7 +93,7 @@ class GlbBuffer:
             fields.update(zip(names, done.get(old, old), strict=True))
 
     def _normalised(self, file: GltfFile, indices: tuple[int, ...]) -> list[int]:
-        """Accessors of weights that add up to one: those at `indices` where they do already."""
+        """Return accessors of normalised weights: those at `indices` if they already are."""
         sets = [file.values(index, "skin weights").astype(np.float64) for index in indices]
         if any(values.shape != sets[0].shape for values in sets):
             return list(indices)
@@ -141,9 +141,9 @@ class GlbBuffer:
         return self.append("accessors", accessor)
 
     def _drop_unused(self) -> None:
-        """Take out accessors and buffer views that nothing uses, such as those of old animations, and their bytes.
+        """Remove accessors and buffer views that are not used, such as those of old animations, and their bytes.
 
-        Everything stays where an extension may name accessors that are not known here.
+        Nothing is removed if unknown extensions may refer to accessors.
         """
         gltf = self.gltf
         if set(gltf.extensionsUsed or []) & NAMES_ACCESSORS:
@@ -169,7 +169,7 @@ class GlbBuffer:
 
         self._drop_unused()
         for accessor in self.gltf.accessors:
-            if accessor.bufferView is None:  # the values are zero but for sparse ones
+            if accessor.bufferView is None:  # zeros, except for sparse values
                 accessor.byteOffset = None
         self._blob.extend(b"\0" * (-len(self._blob) % 4))
         self.gltf.buffers = [g.Buffer(byteLength=len(self._blob))]
@@ -178,7 +178,7 @@ class GlbBuffer:
 
 
 def _as_png(data: bytes, file: GltfFile, what: str) -> bytes:
-    """An image of another form as PNG; FileError where it is damaged or too large."""
+    """Convert an image of another format to PNG; FileError if it is damaged or too large."""
     from PIL import Image
 
     out = io.BytesIO()
@@ -190,7 +190,7 @@ def _as_png(data: bytes, file: GltfFile, what: str) -> bytes:
     return out.getvalue()
 
 
-Reference = tuple[dict[str, Any], str]  # an object's fields, and the one that names an entry of a list
+Reference = tuple[dict[str, Any], str]  # an object's fields, and the one that refers to an entry of a list
 
 
 def _primitives(gltf: GLTF2) -> Iterator[Any]:
@@ -215,7 +215,7 @@ def _view_references(gltf: GLTF2) -> Iterator[Reference]:
 
 
 def _renumbered(entries: list[Any], references: list[Reference]) -> list[Any]:
-    """The entries that are referred to; the references get their new numbers."""
+    """Return the entries that are referred to, and renumber the references."""
     references = [(fields, name) for fields, name in references if isinstance(fields.get(name), int)]
     used = sorted({fields[name] for fields, name in references})
     place = {index: k for k, index in enumerate(used)}

@@ -1,4 +1,4 @@
-"""Which joint of a user's character plays which SPORT joint: by what was chosen, by names, by tree and rest pose."""
+"""Guesses which joints of a user's character correspond to SPORT joints: from the joint map, names, hierarchy and rest pose."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from runtime.errors import FileError
 from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON
 
 NO_JOINTS: Mapping[str, int] = {}
-BY_TREE = "tree and rest pose"
-STILL_RAD = 0.01  # radians: a joint that turns less in a whole motion does not move
+BY_TREE = "hierarchy and rest pose"
+STILL_RAD = 0.01  # a joint that rotates less in a whole motion does not move
 SIDES = ("Left", "Right")
-# of each joint the one that is its mirror image
+# the mirrored joint of each joint
 OTHER_SIDE = {name: SPORT_SKELETON.names[MIRROR_JOINTS[k]] for k, name in enumerate(SPORT_SKELETON.names)}
-LIMBS = {  # limb: its joints from the trunk outwards, and the least share of the longer one of its two bones
+LIMBS = {  # joints from the trunk outwards, and the minimum ratio of its two bones' lengths
     "leg": (("UpLeg", "Leg", "Foot"), 0.35),
     "arm": (("Arm", "ForeArm", "Hand"), 0.3),
 }
-MAX_UNEVEN_FRACTION = 0.3  # by which left and right may differ
-MIN_FORWARD_FRACTION = 0.2  # of the width of the hips: feet that point less far forward tell no side
-# a body on four legs, in shares of the length of its legs
-MIN_LEANING_COSINE = -0.6  # cosine between legs and trunk; an upright trunk goes the other way
-MIN_ALIKE_COSINE = 0.5  # cosine between front and hind legs
-FRONT_LEG_FRACTION = 0.5  # how far front legs reach down from the hips
-# ends of limbs on the ground, and how far they are from the feet
+MAX_UNEVEN_FRACTION = 0.3  # allowed difference of left and right
+MIN_FORWARD_FRACTION = 0.2  # of the hips' width: feet pointing forward by less do not tell left from right
+# thresholds of a quadruped, relative to the length of its legs
+MIN_LEANING_COSINE = -0.6  # between legs and trunk; an upright trunk points the other way
+MIN_ALIKE_COSINE = 0.5  # between front and hind legs
+FRONT_LEG_FRACTION = 0.5  # reach of the front legs below the hips
+# height of limb ends on the ground, and their distance from the feet
 GROUND_FRACTION, OTHER_FEET_FRACTION = 0.75, 0.6
 
 
@@ -77,7 +77,7 @@ def require(path: Path, guess: JointGuess) -> None:
 
 def _not_upright(path: Path) -> FileError:
     return NotUpright(
-        f"{path}: it stands on four legs; characters here have two legs and two arms.",
+        f"{path}: it stands on four legs; characters need two legs and two arms.",
         "Choose a human or humanoid character.",
     )
 
@@ -120,7 +120,7 @@ def guess_skeleton(
 
 
 def _bending(found: Mapping[str, int], tree: JointTree, turning: AnyArray) -> dict[str, int]:
-    """The guess with limbs that begin at the joint that turns: a buttock or a shoulder piece above it does not."""
+    """Return the guess with limbs that start at the rotating joint: a buttock or shoulder joint above it is skipped."""
     moved = dict(found)
     for side in ("Left", "Right"):
         for upper, lower in (("UpLeg", "Leg"), ("Arm", "ForeArm")):
@@ -150,15 +150,15 @@ def _guessed_joints(
 
 
 def _by_names(by_name: dict[str, int], convention: str, origin: str) -> list[tuple[dict[str, int], str]]:
-    """The joints by their names, and as those of a body that was mirrored with its names; nothing where some have none."""
+    """Return the joints by name, and with left and right swapped for a mirrored body; empty if names are missing."""
     if not all(name in by_name for name in REQUIRED):
         return []
     exchanged = {OTHER_SIDE[joint]: k for joint, k in by_name.items()}
-    return [(by_name, origin), (exchanged, f"{convention}, left and right exchanged")]
+    return [(by_name, origin), (exchanged, f"{convention}, left and right swapped")]
 
 
 def _missing(found: Mapping[str, int]) -> tuple[str, ...]:
-    """Joints without which nothing can be driven."""
+    """Return the missing joints without which a body cannot be driven."""
     return tuple(name for name in NEEDED if name not in found)
 
 
@@ -190,7 +190,7 @@ def refusals(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
         if len(spans) == 2 and spans[shorter] < (1.0 - MAX_UNEVEN_FRACTION) * max(spans.values()):
             wrong[shorter + bones[0]] = f"this {limb} is much shorter than the other one"
     swapped = [side + bone for bone in _swapped(found, tree) for side in SIDES]
-    return wrong | dict.fromkeys(swapped, "it is on the other side, as the feet point")
+    return wrong | dict.fromkeys(swapped, "it is on the wrong side for the direction of the feet")
 
 
 def _limb(
@@ -222,7 +222,7 @@ def _apart(found: Mapping[str, int], tree: JointTree, bone: str) -> AnyArray:
 
 
 def _swapped(found: Mapping[str, int], tree: JointTree) -> list[str]:
-    """Limbs whose left joint is on the right: of the legs by where the toes point, of the arms by the legs."""
+    """Return limbs whose left joint is on the right: legs by the direction of the toes, arms by the legs."""
     if not _on_both_sides(found, "UpLeg", "Foot"):
         return []
     down = _middle(found, tree, "Foot") - _middle(found, tree, "UpLeg")
@@ -267,7 +267,7 @@ def _cosine(unit: AnyArray, vector: AnyArray) -> float:
 def _other_feet(
     found: Mapping[str, int], tree: JointTree, hips: AnyArray, along: AnyArray, length: float
 ) -> bool:
-    """Whether two ends of limbs that mirror each other stand on the ground before or behind the feet."""
+    """Whether two mirrored limb ends stand on the ground before or behind the feet."""
     own = {*tree.under(found["LeftUpLeg"]), *tree.under(found["RightUpLeg"])}
     across = _apart(found, tree, "UpLeg")
     across = across / max(float(np.linalg.norm(across)), 1e-9)
@@ -290,5 +290,5 @@ def _middle(found: Mapping[str, int], tree: JointTree, bone: str) -> AnyArray:
 
 
 def _end(tree: JointTree, joint: int) -> int:
-    """The end of the limb that goes on from a joint, the farthest one."""
+    """Return the farthest limb end below a joint."""
     return max(tree.under(joint), key=lambda k: tree.distance(joint, k))

@@ -1,4 +1,4 @@
-"""Hands end at the character's own surface: what would sink into trunk or head is put on it, and the arm follows."""
+"""Keeps hands outside the character's own body: a hand that would enter trunk or head is moved to the surface by IK."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from runtime.easing import smoothstep
 from runtime.skeleton import SPORT_SKELETON
 
 ANCHORS = tuple(SPORT_SKELETON.index(name) for name in ("Hips", "Spine1", "Head"))
-# Of our own body, metres: half width and depth of the trunk, from under the hips to the neck; the head about its middle.
+# Our own body in metres: half width and depth of the trunk, from below the hips to the neck; the head around its centre.
 TRUNK_WIDTH_M, TRUNK_DEPTH_M, TRUNK_LOW_M, TRUNK_HIGH_M = 0.16, 0.11, -0.06, 0.5
 HEAD_RADIUS_M, HEAD_UP_M = 0.13, 0.08
-NEAR_M, FAR_M = 0.06, 0.14  # from the surface to the wrist: touching, and free
-BENT, STRAIGHT = np.radians((75.0, 40.0))  # of the elbow
+NEAR_M, FAR_M = 0.06, 0.14  # surface to wrist: in contact, and free
+BENT_ELBOW_RAD, STRAIGHT_ELBOW_RAD = np.radians((75.0, 40.0))  # elbow flexion
 
 
 def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...]) -> AnyArray:
@@ -33,7 +33,7 @@ def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...
     upper, fore = (positions[..., arm[k + 1], :] - positions[..., arm[k], :] for k in (0, 1))
     cosine = np.sum(upper * fore, axis=-1) / np.linalg.norm(upper, axis=-1) / np.linalg.norm(fore, axis=-1)
     bent = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return ramp(np.minimum(trunk, head), FAR_M, NEAR_M) * ramp(bent, STRAIGHT, BENT)
+    return ramp(np.minimum(trunk, head), FAR_M, NEAR_M) * ramp(bent, STRAIGHT_ELBOW_RAD, BENT_ELBOW_RAD)
 
 
 def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyArray:
@@ -52,14 +52,14 @@ def ramp(value: AnyArray, none: float, full: float) -> AnyArray:
     return smoothstep((value - none) / (full - none))
 
 
-# of a motion: how much of its fastest step nearby a hand may be moved more or less in the next frame, frames that are near
+# of a motion: limit of a hand's change of offset per frame, relative to its fastest step nearby; range of such frames
 STEP_FRACTION, NEAR_FRAMES = (0.25, 30)
-MAX_TURN_STEP_RAD = 0.1  # of a hand in its wrist, from frame to frame
-ROUNDS = 4  # of turning and of pushing: what leaves one part may still be in the next
-MAX_WRIST_TURN_RAD = 1.2  # radians that a wrist gives way
-NECK_M, WAIST_M = 0.1, 0.25  # under the shoulder: a hand at neck or head does not turn, for it would flutter
-FORWARD_WEIGHT = 0.4  # a hand that points straight into the body turns forward, as one on the hip
-_ELBOW = np.array([0.0, -1.0, -0.5])  # where a straight arm bends: down and back
+MAX_TURN_STEP_RAD = 0.1  # per frame, of a hand in its wrist
+PUSH_ROUNDS = 4  # of turning and pushing: moving out of one part may move into the next
+MAX_WRIST_TURN_RAD = 1.2  # limit of the wrist's rotation
+NECK_M, WAIST_M = 0.1, 0.25  # below the shoulder: a hand at neck or head does not turn, as it would flutter
+FORWARD_WEIGHT = 0.4  # weight with which a hand pointing straight into the body turns forward, as on the hip
+_ELBOW = np.array([0.0, -1.0, -0.5])  # direction in which a straight arm bends
 ARM = {
     side: tuple(SPORT_SKELETON.index(side + bone) for bone in ("Arm", "ForeArm", "Hand"))
     for side in ("Left", "Right")
@@ -70,7 +70,7 @@ BELOW = {
 }  # fmt: skip
 
 
-Joints = tuple[AnyArray, AnyArray]  # of a pose: positions (..., 31, 3) and world rotations (..., 31, 4)
+Joints = tuple[AnyArray, AnyArray]  # positions (..., 31, 3) and world rotations (..., 31, 4) of a pose
 
 
 def clear_hands(
@@ -117,7 +117,7 @@ def _joint(mesh: SkinnedMesh, side: str, bone: int) -> int:
 def _placed(
     mesh: SkinnedMesh, sides: tuple[str, ...], pivots: AnyArray, pose: Joints, frames: bool
 ) -> tuple[AnyArray, AnyArray]:
-    """Pivots and rotations with hands that touch the body in their place on this one."""
+    """Return pivots and rotations with touching hands at the corresponding place of this body."""
     source, (positions, world_rotations) = mesh.alignment.source, pose
     if not all(np.any(source == j) for j in ANCHORS):
         return pivots, world_rotations
@@ -177,7 +177,7 @@ def _followed(values: AnyArray, steps: AnyArray) -> AnyArray:
 
 
 class _Seen:
-    """The hands as the joints of the surface's tables see them; any leading shape `...`, S sides and T tables."""
+    """The hands relative to the joints of the surface tables; any leading shape `...`, S sides and T tables."""
 
     def __init__(
         self, mesh: SkinnedMesh, body: BodySurface, pivots: AnyArray, world_rotations: AnyArray
@@ -193,7 +193,7 @@ class _Seen:
         self.ahead = rotations.to_matrix(world_rotations[..., :1, :])[..., 2]  # (..., 1, 3)
 
     def _depth(self, hands: AnyArray, way: AnyArray | float = 0.0) -> tuple[AnyArray, AnyArray]:
-        """Greatest depth `(..., S, T)` of hands about the wrists, moved by `way`, and the ways out `(..., S, T, 3)`."""
+        """Return the maximum depth `(..., S, T)` of hands moved by `way`, and the directions out `(..., S, T, 3)`."""
         points = (self.wrists + way)[..., None, :] + hands
         # not of the fingers alone, which may be beyond an axis
         middle = 0.5 * (points.mean(axis=-2) + self.wrists + way)
@@ -214,7 +214,7 @@ class _Seen:
         turns = np.zeros((*self.wrists.shape[:-1], 4))
         turns[..., 0] = 1.0
         left = MAX_WRIST_TURN_RAD * self.low
-        for _ in range(ROUNDS):
+        for _ in range(PUSH_ROUNDS):
             hands = rotations.rotate(turns[..., None, :], self.hands)
             deep, out = self._depth(hands)
             if not np.any(deep):
@@ -234,17 +234,17 @@ class _Seen:
         """Return shifts `(..., S, 3)` that bring all points of the turned hands out of trunk and head."""
         hands = rotations.rotate(turns[..., None, :], self.hands)
         way: AnyArray = np.zeros(self.wrists.shape, np.float64)
-        for _ in range(ROUNDS):
+        for _ in range(PUSH_ROUNDS):
             deep, out = self._depth(hands, way)
             if not np.any(deep):
                 break
-            # weighed by depth, so that the way is continuous where one part takes over from another
+            # weighted by depth, so that the shift is continuous from one part to another
             way = way + (deep * deep * out).sum(axis=-2) / np.maximum(deep.sum(axis=-2), 1e-9)
         return way
 
 
 def _turned(mesh: SkinnedMesh, side: str, turn: AnyArray, pose: Joints) -> Joints:
-    """The pose with a hand turned in its wrist."""
+    """Return the pose with a hand rotated about its wrist."""
     positions, world_rotations = pose
     world, at, below = np.array(world_rotations), np.array(positions), list(BELOW[side])
     free = ~np.any(turn[..., 1:], axis=-1)[..., None, None]
@@ -258,12 +258,12 @@ def _turned(mesh: SkinnedMesh, side: str, turn: AnyArray, pose: Joints) -> Joint
 
 
 def _bent(mesh: SkinnedMesh, side: str, way: AnyArray, pivots: AnyArray, pose: Joints) -> Joints:
-    """The pose with an arm bent so that its hand goes `way` further, in the plane of its elbow."""
+    """Return the pose with an arm bent so that its hand moves by `way`, in the plane of its elbow."""
     positions, world_rotations = pose
     shoulder, elbow, hand = (pivots[..., _joint(mesh, side, bone), :] for bone in range(3))
     upper, lower, moved = bend(shoulder, elbow, hand, hand + way, _ELBOW)
     world, arm = np.array(world_rotations), ARM[side]
-    free = ~np.any(way, axis=-1)[..., None]  # stays bit by bit
+    free = ~np.any(way, axis=-1)[..., None]  # stays bit-identical
     for j, turn in ((arm[0], upper), (arm[1], lower)):
         turned = rotations.multiply(turn, world_rotations[..., j, :])
         world[..., j, :] = np.where(free, world_rotations[..., j, :], turned)

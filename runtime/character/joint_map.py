@@ -1,4 +1,4 @@
-"""The map of a character's joints that its user chose by hand: a JSON file next to the character."""
+"""The user's map of a character's joints: a JSON file next to the character."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which joint of a user's character plays which SPORT joint, and how its rest pose is aligned with ours."""
+"""Joint names of several conventions, and the alignment of a character's rest pose with ours."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from runtime.arrays import Array
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
 
 _SIDED = ("Left", "Right")
-# SPORT joints with names in other conventions, and these names, lower case letters and digits only: {s} is left, {i} is l
+# SPORT joint names in other conventions, reduced to lower-case letters and digits: {s} is left, {i} is l
 _JOINTS = [
     "Hips", "LowerBack", "Spine", "Spine1", "Neck1", "Head", "{S}Shoulder", "{S}Arm", "{S}ForeArm", "{S}Hand",
     "{S}HandIndex1", "{S}UpLeg", "{S}Leg", "{S}Foot", "{S}ToeBase",
@@ -37,14 +37,14 @@ _NAMES = {
     "SMPL short": _SMPL.replace("{s}", "{i}"),
     "Rigify": "spine spine001 spine002 spine003 spine004 spine006 shoulder{i} upperarm{i} forearm{i} hand{i} fmiddle01{i} thigh{i} shin{i} foot{i} toe{i}",
     "CMU": "root lowerback upperback thorax upperneck head {i}clavicle {i}humerus {i}radius {i}hand {i}fingers {i}femur {i}tibia {i}foot {i}toes",
-    # UpperArm_L, of Unity and of Bandai Namco's motions
+    # as in UpperArm_L, of Unity and of Bandai Namco's motions
     "Unity": " ".join(name.replace("{s}", "") + "{i}" * ("{s}" in name) for name in _VRM.split()),
     "DAZ": "hip abdomen - chest neck head {i}collar {i}shldr {i}forearm {i}hand {i}mid1 {i}thigh {i}shin {i}foot {i}toe",
 }  # fmt: skip
 
 
 def _both_sides(names: str) -> dict[str, str]:
-    """SPORT joint -> name in a convention."""
+    """Return SPORT joint -> name in a convention, for both sides."""
     return {
         joint.format(S=side): name.format(s=side.lower(), i=side[:1].lower())
         for joint, name in zip(_JOINTS, names.split(), strict=True)
@@ -58,14 +58,14 @@ CONVENTIONS = {
     **{convention: _both_sides(names) for convention, names in _NAMES.items()},
 }
 NEEDED = ("Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm")))
-MOST_LIFT_M = 0.6  # soles may be so far under the ankles
-REQUIRED = (*NEEDED, *(side + "Hand" for side in _SIDED))  # of names that are to be believed
+MAX_LIFT_M = 0.6  # maximum depth of the soles under the ankles
+REQUIRED = (*NEEDED, *(side + "Hand" for side in _SIDED))  # required for a match by names
 
 
 def simple_name(name: str) -> str:
     """Return a joint name without namespace, case and punctuation: "mixamorig:LeftArm" becomes "leftarm"."""
     bare = re.split(r"[:|]", name)[-1]
-    bare = re.sub(r"^(DEF|ORG)[-_]", "", bare)  # Rigify's layers of bones
+    bare = re.sub(r"^(DEF|ORG)[-_]", "", bare)  # Rigify's bone layers
     return re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower())
 
 
@@ -101,7 +101,7 @@ def match_centre(names: Sequence[str], found: Mapping[str, int]) -> dict[str, in
 
 
 def _without_prefix(names: Sequence[str]) -> list[str]:
-    """Names without what most of them begin with, up to a separator: "m_avg_L_Hip" becomes "L_Hip"."""
+    """Return names without a prefix common to most, up to a separator: "m_avg_L_Hip" becomes "L_Hip"."""
     counts = Counter(name[: cut.end()] for name in names for cut in re.finditer(r"[-_:|. ]", name))
     common = [prefix for prefix, count in counts.items() if count > 0.6 * len(names)]
     longest = max(common, key=len, default="")
@@ -117,7 +117,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Alignment:
-    """A table by which the joint transforms of a character with K joints follow a SPORT pose.
+    """Mapping of a SPORT pose to the joint transforms of a character with K joints.
 
     A driven joint turns with SPORT joint `source` by `world_rotation * turn`; every other joint moves rigidly with
     its nearest driven ancestor `driver`. All lengths are already in the metres of the SPORT character.
@@ -125,15 +125,15 @@ class Alignment:
 
     order: tuple[int, ...]  # driven joints, ancestors first; the hips come first
     source: Indices  # (K,) SPORT joint of a driven joint, -1 otherwise
-    driver: Indices  # (K,) the joint itself where driven
+    driver: Indices  # (K,) the joint itself if driven
     anchor: Indices  # (K,) driven joint that carries this joint's pivot
     turns: Array  # (K, 4) rest-pose alignment of driven joints
     arms: Array  # (K, 3) from the anchor's pivot to this joint's pivot, aligned rest pose
     basis: Array  # (K, 3, 3) rest-pose axes with scale
     hips_offset: Array  # (3,) from the middle of the hip joints to the hips, aligned rest pose
-    lift: float  # metres added to the height, so that the soles stand where ours stand
+    lift: float  # metres added to the height, so that the soles match ours
     native: bool  # the joints are exactly SPORT_SKELETON
-    units: float  # of the file in a metre of ours: its legs are so much longer than ours are in metres
+    units: float  # file units per metre of ours: ratio of its leg length to ours
 
 
 def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, vertices: Array) -> Alignment:
@@ -163,18 +163,18 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
         and np.allclose(rest_world[:, :3, :3], np.eye(3), atol=1e-5)
     )
     sole = float((vertices @ facing[1]).min()) * scale
-    lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -MOST_LIFT_M, MOST_LIFT_M))
+    lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -MAX_LIFT_M, MAX_LIFT_M))
     arms, basis = position - position[anchor], scale * facing @ rest_world[:, :3, :3]
     offset = position[hips] - legs
     return Alignment(order, source, driver, anchor, turns, arms, basis, offset, lift, native, 1.0 / scale)
 
 
-# the joint that a limb's bone points to
+# the joint at the end of a limb's bone
 _AIM = dict(Arm="ForeArm", ForeArm="Hand", Hand="HandIndex1", UpLeg="Leg", Leg="Foot", Foot="ToeBase")
 
 
 def _attach_to_limbs(found: Mapping[str, int], anchor: Indices, parents: Sequence[int]) -> None:
-    """Carry feet and hands that hang on the root, as targets of a rig do, by their limbs."""
+    """Attach feet and hands whose parent is the root, such as IK targets, to their limbs."""
     for side in _SIDED:
         for above, bone in _AIM.items():
             k, carrier = found.get(side + bone, -1), found.get(side + above, -1)
@@ -218,7 +218,7 @@ def _drivers(parents: Sequence[int], source: Indices, hips: int) -> Indices:
 
 
 def _carriers_first(joints: list[int], anchor: Indices, hips: int) -> tuple[int, ...]:
-    """Driven joints, each after the one that carries it; a joint in a ring of them is put on the hips."""
+    """Return driven joints, each after its anchor; joints in a cycle are attached to the hips."""
 
     def depth(k: int) -> int:
         steps = 0
@@ -236,7 +236,7 @@ def _carriers_first(joints: list[int], anchor: Indices, hips: int) -> tuple[int,
 def _turns(
     found: Mapping[str, int], order: Sequence[int], anchor: Indices, source: Indices, position: Array
 ) -> Array:
-    """Rest alignment `(K, 4)`: limb bones turn onto the SPORT rest directions, feet only about the vertical."""
+    """Return the rest alignment `(K, 4)`: limb bones are rotated to the SPORT rest directions, feet only about the vertical."""
     turns = rotations.identity((len(source),)).astype(np.float64)
     rest = SPORT_SKELETON.rest_positions
     for k in order:

@@ -1,4 +1,4 @@
-"""Meshes, skins and nodes of a glTF file merged into one skinned mesh."""
+"""Merges meshes, skins and nodes of a glTF file into one skinned mesh."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from runtime.character.read import MAX_PRIMITIVES, Entry, GltfFile
 from runtime.character.skinned_mesh import Surface
 from runtime.character.textures import Textures, primitive_colors
 
-MAX_BIND = 1e6  # of an inverse bind matrix: rounding would be seen in its vertices
-# of all meshes; characters in games have 100,000 vertices
-MOST = {"primitives": MAX_PRIMITIVES, "vertices": 1_000_000, "triangles": 2_000_000}
+MAX_BIND = 1e6  # of an inverse bind matrix: larger values would make rounding visible
+# of all meshes; game characters have about 100,000 vertices
+MAX_COUNTS = {"primitives": MAX_PRIMITIVES, "vertices": 1_000_000, "triangles": 2_000_000}
 MAX_JOINTS = 1024
-MAX_SKIN_JOINTS = 16 * MAX_JOINTS  # of all skins, which mostly share their joints
-_SKINNED_AT_ONCE = 1 << 15  # vertices, whose blended matrices take 400 bytes each
+MAX_SKIN_JOINTS = 16 * MAX_JOINTS  # of all skins, which usually share joints
+_SKINNED_AT_ONCE = 1 << 15  # vertices per batch, whose blended matrices take 400 bytes each
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class _Palette:
     def __init__(self, file: GltfFile) -> None:
         self.nodes: list[int] = []
         self.inverse_bind: list[AnyArray] = []
-        self.first: dict[int, int] = {}  # entry of a node, the first one where it has several
+        self.first: dict[int, int] = {}  # entry of a node, the first one if there are several
         self._file = file
         self._index: dict[tuple[int, bytes], int] = {}
         self._slots: dict[int, NDArray[np.int64]] = {}
@@ -112,7 +112,7 @@ def _bind_matrices(file: GltfFile, skin: int, joints: int) -> AnyArray:
 
 
 class _Reader:
-    """Reads the primitives of a file, and stops before it reads more of them than one character has."""
+    """Reads the primitives of a file, up to the limits of a character."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
@@ -135,7 +135,7 @@ class _Reader:
     def _surface(
         self, primitive: Entry, slots: NDArray[np.int64], what: str, rigid: AnyArray | None
     ) -> Surface:
-        """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
+        """Read one primitive; `rigid` `(4, 4)` transforms a mesh without weights to the bind space of its only joint."""
         file, attributes = self._file, primitive.attributes
         count = file.count(attributes.POSITION)
         positions = _matching(file, attributes.POSITION, f"POSITION of {what}", 3, count).astype(np.float32)
@@ -165,7 +165,7 @@ class _Reader:
         vertices = self._file.count(primitive.attributes.POSITION)
         triangles = (self._file.count(primitive.indices) or vertices) // 3
         self._counts.update(primitives=1, vertices=vertices, triangles=triangles)
-        for name, most in MOST.items():
+        for name, most in MAX_COUNTS.items():
             if self._counts[name] > most:
                 problem = f"more than {most} {name} up to the POSITION of {what}."
                 raise self._file.error(problem, "Reduce the mesh.")
@@ -202,14 +202,14 @@ def read_meshes(file: GltfFile) -> MeshData:
 
 
 def _merged(parts: list[Surface]) -> dict[str, AnyArray]:
-    """The fields of a surface of all parts, whose triangles name its vertices."""
+    """Return the fields of all surfaces merged into one."""
     base = np.cumsum([0] + [len(part.positions) for part in parts[:-1]])
     parts = [replace(p, triangles=p.triangles + np.uint32(b)) for p, b in zip(parts, base, strict=True)]
     return {field.name: np.concatenate([getattr(p, field.name) for p in parts]) for field in fields(Surface)}
 
 
 def _matching(file: GltfFile, index: Any, what: str, width: int, count: int) -> AnyArray:
-    """Values `(count, width)` of an accessor; FileError where it has others."""
+    """Return the values `(count, width)` of an accessor; FileError for another shape."""
     values = file.values(index, what)
     if values.shape != (count, width):
         raise file.error(f"{what} is {values.shape[0]} x {values.shape[1]}; expected {count} x {width}.")
@@ -251,7 +251,7 @@ def _influences(
 
 
 def _vrm_humanoid(file: GltfFile, joint_nodes: list[int]) -> dict[str, int]:
-    """SPORT joint -> joint index from a VRM 0 or 1 humanoid description; empty when the file has none."""
+    """Return SPORT joint -> joint index from a VRM 0 or 1 humanoid description; empty if there is none."""
     bones = {re.sub(r"[^a-z0-9]", "", name.lower()): node for node, name in vrm_bones(file).items()}
     return {
         joint: joint_nodes.index(bones[simple])

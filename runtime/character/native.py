@@ -1,6 +1,6 @@
-"""What native libraries decode (meshopt, Draco, KTX2, ufbx) in a process of its own, with bounds on memory and time.
+"""Runs native decoders (meshopt, Draco, KTX2, ufbx) in a separate process with limits on memory and time.
 
-A damaged file may end that process, or fill what it is allowed: here that is a FileError.
+A damaged file may crash that process or exhaust its limits: the caller gets a FileError.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from runtime.atomic import temporary_folder
 from runtime.errors import FileError
 from runtime.interrupts import run_child
 
-HEADS = (b"Kaydara FBX Binary", b"; FBX")  # of an FBX
-PACKAGES = {  # of each kind: the module, the package that has it, what needs it
+HEADS = (b"Kaydara FBX Binary", b"; FBX")  # start of an FBX file
+PACKAGES = {  # per kind: the module, its package, the files that need it
     "fbx": ("ufbx", "ufbx", "an FBX"),
     "meshopt": ("meshoptimizer", "meshoptimizer", "compressed by meshopt"),
     "draco": ("DracoPy", "DracoPy", "compressed by Draco"),
     "ktx2": ("opengl_basisu", "opengl-basisu", "a texture in KTX2"),
 }
-WORKING_BYTES = 256 << 20  # of memory beyond what its libraries take
-BYTES_FOR_ONE = 16  # more for each byte of the file, or of what it is to become
-TIMEOUT_S = 120.0  # on a busy machine; of the processor at most
+WORKING_BYTES = 256 << 20  # memory beyond that of the libraries
+BYTES_FOR_ONE = 16  # added per byte of the file, or of its output
+TIMEOUT_S = 120.0  # wall time; also the limit of processor time
 CPU_S = 60
 _ROOT = Path(__file__).parents[2]
 _START = "import sys; sys.path.insert(0, sys.argv[1]); from runtime.character import native_worker as w; w.main(*sys.argv[2:])"
@@ -53,7 +53,7 @@ def fbx_as_glb(path: Path, motion: bool = False) -> bytes:
     return decode("fbx", path, facts | {"motion": motion}, b"", "Export it again as binary FBX, or as .glb.")
 
 
-@lru_cache(2)  # a character is opened several times: to look at its joints, to show and to write it
+@lru_cache(2)  # a character is opened several times: to guess its joints, to show and to write it
 def _decoded(kind: str, facts: str, data: bytes) -> bytes:
     """Run the worker and return its output; ValueError says what went wrong."""
     limit = WORKING_BYTES + BYTES_FOR_ONE * json.loads(facts).get("size", len(data))

@@ -1,6 +1,6 @@
-"""Run by a Python of its own, see `native`: bytes in a file become bytes in another, by a native library.
+"""The worker process of `native`: converts one file to another with a native library.
 
-A process of its own, so that a damaged file that a library stumbles over ends this process and not the program.
+It is a separate process, so that a damaged file can crash only this process and not the program.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ def main(kind: str, folder: str, memory: str, cpu_s: str) -> None:
         facts = json.loads((Path(folder) / "facts.json").read_text(encoding="utf-8"))
         _limit(int(memory), int(cpu_s))
         Path(folder, "out").write_bytes(decode(facts, Path(folder, "in")))
-    except Exception as error:  # the errors of four libraries share no base class; all are of the file
+    except Exception as error:  # the errors of four libraries share no base class; all concern the file
         print(f"{type(error).__name__}: {error}", file=sys.stderr, flush=True)
         os._exit(1)
-    os._exit(0)  # ufbx's objects outlive their scene, which ends in a fault
+    os._exit(0)  # skips the destructors of ufbx's objects, which crash after their scene
 
 
 def _limit(memory: int, cpu_s: int) -> None:
-    """Bounds of this process from here on; Windows and macOS have the time limit of the caller only."""
+    """Limit this process's resources; Windows and macOS have the caller's time limit only."""
     if sys.platform == "linux":
         import ctypes
         import resource
 
-        # it ends with its caller, however that ends
+        # ends with its caller in any case
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
@@ -50,7 +50,7 @@ Decoder = Callable[[Any, Path], bytes]
 
 
 def _meshopt() -> Decoder:
-    """Facts: `views`, each with mode, filter, count, stride and the length of its bytes. The decoded bytes of all."""
+    """Decode meshopt. Facts: `views`, each with mode, filter, count, stride and byte length. Returns the concatenated bytes."""
     import meshoptimizer as codec
 
     filters = {
@@ -83,7 +83,7 @@ def _meshopt() -> Decoder:
 
 
 def _draco() -> Decoder:
-    """Facts: `parts`, each with the length of its bytes and the ids of attributes. An NPZ of "PART.indices" and "PART.ID"."""
+    """Decode Draco. Facts: `parts`, each with byte length and attribute ids. Returns an NPZ of "PART.indices" and "PART.ID"."""
     import DracoPy as codec
 
     def decode(facts: Any, source: Path) -> bytes:
@@ -102,7 +102,7 @@ def _draco() -> Decoder:
 
 
 def _ktx2() -> Decoder:
-    """RGBA bytes of an image."""
+    """Decode an image to RGBA bytes."""
     import opengl_basisu as codec
 
     def decode(facts: Any, source: Path) -> bytes:
@@ -113,8 +113,8 @@ def _ktx2() -> Decoder:
 
 
 def _fbx() -> Decoder:
-    """Facts: the `path` of an FBX, and whether its `motion` is wanted. It as GLB."""
-    import ufbx  # noqa: F401 (before memory is bounded)
+    """Convert an FBX to GLB. Facts: its `path`, and whether `motion` is requested."""
+    import ufbx  # noqa: F401 (before memory is limited)
 
     from runtime.character.fbx_to_glb import convert
 

@@ -1,4 +1,4 @@
-"""The nodes of a glTF file: which hangs on which, and where they stand at rest."""
+"""The nodes of a glTF file: their hierarchy and rest transforms."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Feet of other proportions stand where ours stand: legs of their own lengths reach there by inverse kinematics.
+"""Plants the feet of characters with other proportions where ours stand, by inverse kinematics of the legs.
 
-Joint angles alone bring a longer foot or a shorter shin into the ground. A foot that rolls over heel or ball rolls over
-its own; while it stands, it stands still.
+Joint angles alone would put a longer foot or a shorter shin into the ground. A foot that rolls over heel or ball
+uses the character's own; while it stands, it stays in place.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ LEGS = tuple(
 )
 OUR_HEEL = np.array([0.0, -ANKLE_HEIGHT, -0.05])  # of our own sole, metres from the ankle
 OUR_BALL = np.array([0.0, -ANKLE_HEIGHT, float(SPORT_SKELETON.offsets[LEGS[0][3], 2])])
-SOLE_FRACTION = 0.25  # of the height of the ankle over the sole: vertices up to there are the sole
-KNEE = np.array([0.0, 0.0, 1.0])  # where a straight knee gives way
-HEEL_DOWN, HEEL_UP = np.radians((-2.0, -15.0))  # pitch of a foot from which on its toes bend, and all the way
-TOE_BEND = np.radians(80.0)  # how far they do
-OUTLINE = 13  # points of a foot or of toes,
-OUTLINE_LEAN_FACTOR = 0.35  # sideways, tangent of how far feet roll
-FLAT = (0.8, 1.0)  # contacts of heel and toe from which a foot stands flat,
-ON_SLOPES_WEIGHT = 0.8  # on a slope too, where its heel may lie lower: it is lifted by so much less
-PRESSED_M = 0.002  # m that our soles lie in the ground, `sink` of the foot lock
+SOLE_FRACTION = 0.25  # of the ankle's height: vertices up to there belong to the sole
+KNEE = np.array([0.0, 0.0, 1.0])  # direction in which a straight knee bends
+HEEL_DOWN_RAD, HEEL_UP_RAD = np.radians((-2.0, -15.0))  # pitch at which the toes begin to bend, and stop
+MAX_TOE_BEND_RAD = np.radians(80.0)  # their range
+OUTLINE_POINTS = 13  # points of a foot or of toes,
+OUTLINE_LEAN_FACTOR = 0.35  # tangent of the sideways roll of feet
+FLAT_RANGE = (0.8, 1.0)  # contacts of heel and toe from which a foot stands flat,
+ON_SLOPES_WEIGHT = 0.8  # also on a slope, where its heel may be lower: weight of the heel's lift
+PRESSED_M = 0.002  # m, depth of our soles in the ground, `sink` of the foot lock
 TOES_UP_FRACTION = 0.1  # sine of the pitch from which a foot rolls over its heel
 
 
@@ -46,9 +46,9 @@ class Soles:
     joints: NDArray[np.int64]  # (2, 3) of the character: upper leg, lower leg, foot
     heel: AnyArray  # (2, 3)
     ball: AnyArray  # (2, 3)
-    aside: AnyArray  # (2, 3) how much further out its hip joints are
+    aside: AnyArray  # (2, 3) how much farther out its hip joints are
     foot: AnyArray  # (2, n, 3) the outline of the foot
-    toes: AnyArray  # (2, n, 3) and of the toes, about
+    toes: AnyArray  # (2, n, 3) and the approximate outline of the toes
     toe_joint: AnyArray  # (2, 3)
 
 
@@ -85,15 +85,15 @@ def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
 def _sole(points: AnyArray) -> tuple[float, float, float]:
     """Return the depth of a sole below the ankle, and its extent along Z (back, front)."""
     depth = -float(points[:, 1].min())
-    # else a foot above its ankle
+    # otherwise a foot above its ankle
     low = points[points[:, 1] <= -(1.0 - SOLE_FRACTION) * depth] if depth > 0.0 else points
     return depth, float(low[:, 2].min()), float(low[:, 2].max())
 
 
 def _outline(points: AnyArray) -> AnyArray:
-    """The points `(3 OUTLINE, 3)` that lie furthest down, ahead and back, and the same leaning to either side."""
-    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, OUTLINE)
-    leans = np.repeat([-OUTLINE_LEAN_FACTOR, 0.0, OUTLINE_LEAN_FACTOR], OUTLINE)
+    """Return the lowest, foremost and rearmost points `(3 OUTLINE_POINTS, 3)`, upright and leaning to either side."""
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, OUTLINE_POINTS)
+    leans = np.repeat([-OUTLINE_LEAN_FACTOR, 0.0, OUTLINE_LEAN_FACTOR], OUTLINE_POINTS)
     directions = np.stack([leans, np.tile(-np.cos(angles), 3), np.tile(np.sin(angles), 3)], 1)
     return np.asarray(points[np.argmax(points @ directions.T, axis=0)])
 
@@ -123,16 +123,16 @@ def plant_feet(
 
 
 def _flat_toes(foot: AnyArray, toes: AnyArray) -> AnyArray:
-    """Toes that bend up under a heel that rises: those of the motion hardly do, and longer ones would go into the ground."""
+    """Return toes bent up under a rising heel: the motion hardly bends them, and longer toes would enter the ground."""
     pitch, own = (np.arcsin(np.clip(rotations.rotate(q, KNEE)[..., 1], -1.0, 1.0)) for q in (foot, toes))
-    wanted = np.minimum(pitch + TOE_BEND, 0.0)
-    up = smoothstep((HEEL_DOWN - pitch) / (HEEL_DOWN - HEEL_UP)) * np.maximum(wanted - own, 0.0)
+    wanted = np.minimum(pitch + MAX_TOE_BEND_RAD, 0.0)
+    up = smoothstep((HEEL_DOWN_RAD - pitch) / (HEEL_DOWN_RAD - HEEL_UP_RAD)) * np.maximum(wanted - own, 0.0)
     axis = rotations.rotate(foot, np.array([1.0, 0.0, 0.0]))
     return rotations.multiply(rotations.from_axis_angle(axis, -up), toes)
 
 
 def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, contacts: AnyArray, floor: AnyArray) -> AnyArray:
-    """From our ankles to these `(..., 2, 3)`: a foot rolls over the ball on its toes, over the heel with toes up.
+    """Offset `(..., 2, 3)` from our ankles to these: a foot rolls over the ball on its toes, over the heel with toes up.
 
     `contacts` `(..., 2, 2)` of heel and toe of each foot, `floor` `(..., 2)` the ground's height from our ankle.
     """
@@ -144,7 +144,7 @@ def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, contacts: AnyArray, flo
     over_ball = rotations.rotate(toes, soles.ball * flat + soles.aside) - rotations.rotate(foot, soles.ball)
     over_heel = rotations.rotate(level, soles.heel * flat + soles.aside) - rotations.rotate(foot, soles.heel)
     shift = over_ball + heel_share[..., None] * (over_heel - over_ball)
-    # where that is not enough, no point of this foot lies deeper than the lowest one of our sole
+    # then no point of this foot may be deeper than the lowest one of our sole
     up = rotations.rotate(toes, np.array([0.0, 1.0, 0.0]))[..., None, :]
     in_foot = (rotations.to_matrix(foot).swapaxes(-1, -2) @ up.swapaxes(-1, -2))[..., 0]  # (..., 2, 3)
     ours = np.minimum(in_foot @ OUR_HEEL, in_foot @ OUR_BALL)
@@ -152,12 +152,12 @@ def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, contacts: AnyArray, flo
     own_toes = soles.toes[..., 1].min(-1) + np.sum(soles.toe_joint * in_foot, -1)
     deepest = np.minimum(own_foot, own_toes) + np.sum(shift * up[..., 0, :], -1)
     shift = shift + np.maximum(ours - deepest, 0.0)[..., None] * up[..., 0, :]
-    # nor, unless heel and toe both stand, below the ground that the ankle and the toe joint of ours are held over
+    # nor, unless heel and toe both stand, below the ground under our ankle and toe joint
     down = np.array([0.0, 1.0, 0.0])
     in_toes = (rotations.to_matrix(toes).swapaxes(-1, -2) @ down)[..., None, :]
     own_toes = rotations.rotate(foot, soles.toe_joint)[..., 1] + np.sum(soles.toes * in_toes, -1).min(-1)
     in_foot = (rotations.to_matrix(foot).swapaxes(-1, -2) @ down)[..., None, :]
     own_low = np.minimum(np.sum(soles.foot * in_foot, -1).min(-1), own_toes) + shift[..., 1]
-    stands = smoothstep((contacts.min(axis=-1) - FLAT[0]) / (FLAT[1] - FLAT[0]))
+    stands = smoothstep((contacts.min(axis=-1) - FLAT_RANGE[0]) / (FLAT_RANGE[1] - FLAT_RANGE[0]))
     lift = np.maximum(floor - own_low, 0.0) * (1.0 - ON_SLOPES_WEIGHT * stands)
     return np.asarray(shift + lift[..., None] * down)

@@ -1,4 +1,4 @@
-"""glTF containers and accessors read with bounds on everything; what damage raises is a FileError."""
+"""Reads glTF containers and accessors with limits on everything; damage raises a FileError."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from runtime.character.unpack import COMPONENTS, MESHOPT, WIDTHS, unpack
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason
 
-SUFFIXES = (".glb", ".gltf", ".vrm", ".fbx")  # of characters; a VRM is a GLB; an FBX is made one
+SUFFIXES = (".glb", ".gltf", ".vrm", ".fbx")  # of characters; a VRM is a GLB; an FBX is converted to one
 MOTIONS = (".bvh", *SUFFIXES, ".vrma")
 MAX_FILE_BYTES = 256 * 1024 * 1024
 MAX_VALUE = 1e9  # of any coordinate or matrix element
-MAX_ENTRIES = 20_000  # of a list of the document
+MAX_ENTRIES = 20_000  # per list of the document
 MAX_PRIMITIVES = 4096
-MAX_SPARSE = 2_000_000  # elements of an accessor that has no bytes of its own
+MAX_SPARSE = 2_000_000  # elements of an accessor without bytes
 REMEDY = "Export it again as glTF binary (.glb), or choose another file."
 _LISTS = (
     "accessors", "animations", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "skins", "textures",
 )  # fmt: skip
-# what numpy and attribute access raise on JSON of the wrong shape or values out of range
+# exceptions of numpy and attribute access for JSON of the wrong shape or values out of range
 STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, AssertionError, OverflowError, RecursionError,
     struct.error, np.linalg.LinAlgError,
@@ -126,7 +126,7 @@ def _read(path: Path) -> bytes:
 
 
 def _chunks(data: bytes, path: Path) -> tuple[bytes, memoryview]:
-    """The JSON text and the binary chunk of a .glb."""
+    """Return the JSON text and the binary chunk of a .glb."""
     if len(data) < 20:
         raise FileError(f"{path}: damaged glTF container (too short).", REMEDY)
     version, length, size, kind = struct.unpack("<III4s", data[4:20])
@@ -150,7 +150,7 @@ def _chunks(data: bytes, path: Path) -> tuple[bytes, memoryview]:
 
 
 def _check_document(gltf: Entry, path: Path) -> None:
-    """FileError unless the document is made of lists of objects of a bearable number."""
+    """Raise FileError unless the document consists of lists of objects of a reasonable number."""
     for field in ("extensionsUsed", "extensionsRequired"):
         if not isinstance(gltf.get(field) or [], list):
             raise FileError(f"{path}: its list of {field} is damaged.", REMEDY)
@@ -173,10 +173,10 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]
 
 
 def _buffer(path: Path, buffer: Entry, number: int, blob: memoryview) -> memoryview:
-    """The bytes of a buffer: of a file or text that it names, else the `blob` of the GLB."""
+    """Return the bytes of a buffer: from its URI, else the `blob` of the GLB."""
     data = memoryview(read_uri(path, buffer.uri, "buffer")) if buffer.uri else blob
     packed = not buffer.uri and any((buffer.extensions or {}).get(name) for name in MESHOPT)
-    if number and packed:  # a buffer without bytes, for readers that know no compression
+    if number and packed:  # a placeholder buffer for readers that do not support compression
         return memoryview(b"")
     if not isinstance(buffer.byteLength, int) or not 0 <= buffer.byteLength <= len(data):
         wanted = str(buffer.byteLength)[:40]
@@ -197,11 +197,11 @@ def read_uri(path: Path, uri: Any, what: str) -> bytes:
 
 
 def _read_sibling(path: Path, uri: str, what: str) -> bytes:
-    """Bytes of a file that `path` refers to; FileError when it is missing or outside the folder of `path`."""
+    """Return the bytes of a file that `path` refers to; FileError if it is missing or outside the folder of `path`."""
     try:
         target = (path.parent / uri).resolve()
         inside, there = target.is_relative_to(path.parent.resolve()), target.is_file()
-    except (OSError, ValueError, RuntimeError):  # too long, a zero byte, links in a ring
+    except (OSError, ValueError, RuntimeError):  # too long, a zero byte, a cycle of links
         inside, there = True, False
     if not inside:
         raise FileError(f"{path}: {what} {uri[:80]!r} lies outside the file's folder.", REMEDY)
@@ -227,7 +227,7 @@ def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
 
 
 def _sparse_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
-    """Values of an accessor that tells which differ from those of its bytes, or from zero without any."""
+    """Return the values of a sparse accessor, which replaces some of its base values, or of zeros."""
     count, kind = accessor.count, COMPONENTS[accessor.componentType]
     if accessor.bufferView is not None:
         values = _accessor_values(file, accessor, what).copy()

@@ -1,4 +1,4 @@
-"""The rest pose of bodies in a glTF file: that in which their skins are bound, put where the nodes stand."""
+"""The rest pose of bodies in a glTF file: their bind pose, placed at the nodes' positions."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from runtime.character.mesh import skin_joints
 from runtime.character.nodes import Nodes
 
 MAX_BIND_MATRICES = 50_000
-LEAST_TO_AGREE = 3  # joints of a skin that can tell its space
-ALIKE_FRACTION = 1e-3  # of a body's size, by which rounding moves a joint
+MIN_AGREEING_JOINTS = 3  # minimum joints of a skin to determine its space
+ALIKE_FRACTION = 1e-3  # of a body's size: tolerance for rounding of joint positions
 SAME_LENGTH_FACTOR = 1.03
-MAX_STRETCH_FACTOR = 1.5  # bones of skin and nodes that differ by more do not belong together
+MAX_STRETCH_FACTOR = 1.5  # bones of skin and nodes that differ by more do not match
 REMEDY = "Apply the scale of the armature and export it again."
-Pose = dict[int, AnyArray]  # matrices (4, 4) of joints in the world, by node
+Pose = dict[int, AnyArray]  # world matrices (4, 4) of joints, by node
 
 
 def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
@@ -27,7 +27,7 @@ def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
     joint. Raises FileError if bone lengths of a skin and of the nodes differ.
     """
     rest = nodes.rest
-    # from where a node stands to where it was bound
+    # transform from a node's position to its bind position
     moved = {node: matrix @ np.linalg.inv(rest[node]) for node, matrix in _told(nodes, set(joints)).items()}
     if not moved:
         return np.asarray(rest[list(joints)])
@@ -39,7 +39,7 @@ def bind_worlds(nodes: Nodes, joints: Sequence[int]) -> AnyArray:
 
 
 def _told(nodes: Nodes, wanted: set[int]) -> Pose:
-    """The bind pose of wanted joints in the world, as far as skins tell it: those with most joints are believed first."""
+    """Return the world bind pose of wanted joints, as far as skins define it; skins with more joints have priority."""
     told, spaces, skins = Pose(), list[AnyArray](), nodes.file.gltf.skins or []
     if sum(len(skin.joints) for skin in skins) > MAX_BIND_MATRICES:
         raise nodes.file.error(f"more than {MAX_BIND_MATRICES} bind matrices.", REMEDY)
@@ -54,7 +54,7 @@ def _told(nodes: Nodes, wanted: set[int]) -> Pose:
 
 
 def _bound(nodes: Nodes, skin: int, wanted: set[int]) -> Pose:
-    """Bind matrices of those joints of a skin that are wanted, parents first, in its own space; none of a skin that tells none."""
+    """Return the bind matrices of a skin's wanted joints, parents first, in its own space; empty if it defines none."""
     if nodes.file.gltf.skins[skin].inverseBindMatrices is None:
         return {}
     joints, inverse = skin_joints(nodes.file, skin)
@@ -69,14 +69,14 @@ def _space(
 ) -> AnyArray | None:
     """The transform `(4, 4)` from a skin's own space, in which its `members` have the matrices `bind`, to the world.
 
-    It is the one that most joints agree on, for they stand as they were bound. Where they stand otherwise, as in a frame
-    of a motion, it is the space of another skin, of a node that holds this one, or the world: of those in which bones
-    are as long as those of the nodes the one that moves joints least. Else the uppermost joint stands as it was bound.
-    None where that cannot be known. FileError where no space makes bones as long as those of the nodes.
+    It is the one that most joints agree on, since they stand as they were bound. If they do not, as in a frame of a
+    motion, it is the space of another skin, of a node above this one, or the world: of those in which bones have the
+    nodes' lengths, the one that moves joints least. Else the uppermost joint is assumed to stand as it was bound.
+    None if it cannot be determined. FileError if no space gives bones the nodes' lengths.
     """
-    at, agree = nodes.rest[members], len(members) >= LEAST_TO_AGREE
+    at, agree = nodes.rest[members], len(members) >= MIN_AGREEING_JOINTS
     if agree and np.ptp(bind[:, :3, 3], axis=0).max() <= ALIKE_FRACTION * np.abs(bind[:, :3, :3]).max():
-        return None  # matrices that tell nothing
+        return None  # degenerate matrices
     agreed = _agreed(at, bind) if agree else None
     if agreed is not None:
         return agreed
@@ -91,7 +91,7 @@ def _space(
 
 
 def _as_bound(nodes: Nodes, members: list[int], bind: AnyArray, told: Pose) -> AnyArray:
-    """The space in which the uppermost joint stands as it was bound."""
+    """Return the space in which the uppermost joint stands as it was bound."""
     space = nodes.rest[members[0]] @ np.linalg.inv(bind[0])
     stretch, problem = _stretch(nodes, members, space @ bind, told)
     if stretch > MAX_STRETCH_FACTOR:
@@ -100,7 +100,7 @@ def _as_bound(nodes: Nodes, members: list[int], bind: AnyArray, told: Pose) -> A
 
 
 def _agreed(at: AnyArray, bind: AnyArray) -> AnyArray | None:
-    """The space in which more than half of the joints stand `at` `(n, 4, 4)` as they are bound; None without one."""
+    """Return the space in which more than half of the joints at `at` `(n, 4, 4)` stand as bound; None if there is none."""
     found = at @ np.linalg.inv(bind)
     apart = np.einsum("kab,jb->kja", found[:, :3], bind[:, :, 3]) - at[None, :, :3, 3]
     size = max(float(np.linalg.norm(np.ptp(at[:, :3, 3], axis=0))), 1e-9)
@@ -109,7 +109,7 @@ def _agreed(at: AnyArray, bind: AnyArray) -> AnyArray | None:
 
 
 def _holding(nodes: Nodes, skin: int, first: int) -> AnyArray:
-    """Where the nodes `(n, 4, 4)` are that show a skin, those above them, and the one above its first joint."""
+    """Return the transforms `(n, 4, 4)` of the nodes that show a skin, those above them, and the one above its first joint."""
     shown = [node for node in nodes.order if nodes.entry(node).skin == skin]
     above = (nodes.parents[node] for node in (first, *shown))
     return nodes.rest[[node for node in (*shown, *above) if node >= 0]]
@@ -134,6 +134,6 @@ def _stretch(nodes: Nodes, members: list[int], worlds: AnyArray, told: Pose) -> 
 
 
 def _moved(worlds: AnyArray, at: AnyArray) -> float:
-    """Mean distance between joints of two poses whose middles lie on each other."""
+    """Mean distance between the joints of two poses with their centres aligned."""
     gaps = worlds[:, :3, 3] - at[:, :3, 3]
     return float(np.linalg.norm(gaps - gaps.mean(axis=0), axis=-1).mean())

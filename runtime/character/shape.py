@@ -1,4 +1,4 @@
-"""The shape of the mannequin: taller or smaller, longer legs, broader shoulders, as a character of its own."""
+"""Body shape of the mannequin: height, leg length and shoulder width, as a character of its own."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from runtime.character.writer import write_character
 from runtime.errors import UsageError
 from runtime.skeleton import SPORT_SKELETON
 
-MIN_FACTOR, MAX_FACTOR = 0.4, 2.5  # of every share
-GIRTH_GROWTH_FACTOR = 0.5  # power of a limb's length that its thickness grows by
+MIN_FACTOR, MAX_FACTOR = 0.4, 2.5  # of every factor
+GIRTH_GROWTH_FACTOR = 0.5  # exponent of a limb's thickness relative to its length
 
 
 @dataclass(frozen=True)
 class BodyShape:
     """Proportions of the mannequin, as factors of its default measures."""
 
-    height: float = 1.0  # of all of it
+    height: float = 1.0  # of the whole body
     legs: float = 1.0  # their length
     shoulders: float = 1.0  # their width
     arms: float = 1.0
@@ -45,7 +45,7 @@ def shaped(character: Character, shape: BodyShape) -> Character:
         return character
     if not character.alignment.native:
         raise UsageError("Only the mannequin has a shape to choose.", "Leave the character's file away.")
-    grown = np.stack([_growth(name, shape) for name in SPORT_SKELETON.names])  # (31, 3) of each joint's flesh
+    grown = np.stack([_growth(name, shape) for name in SPORT_SKELETON.names])  # (31, 3) of each joint's mesh
     offsets = SPORT_SKELETON.offsets.astype(np.float64)
     offsets[1:] *= grown[list(SPORT_SKELETON.parents[1:])]  # the hips come first
     for side in ("Left", "Right"):

@@ -1,4 +1,4 @@
-"""A skinned mesh and the joints that carry it, posed by the SPORT skeleton."""
+"""A skinned mesh with its joints, posed by the SPORT skeleton."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class SkinnedMesh(Surface):
     rest_world: AnyArray  # (K, 4, 4) float32
     sport_joints: AnyArray  # (K,)
     alignment: Alignment
-    size: float = 1.0  # metres of a metre of ours in its own size; drawn in ours, see `Terrain.seen_by`
+    size: float = 1.0  # its own size relative to ours; it is drawn at ours, see `Terrain.seen_by`
 
     def joint_transforms(self, positions: AnyArray, world_rotations: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Return pivots `(..., K, 3)` and rotations from rest `(..., K, 4)` of the character's joints in a SPORT pose.

@@ -1,4 +1,4 @@
-"""Which joint is which where no name tells: by the tree of the joints and by where they stand in the rest pose."""
+"""Identifies joints without usable names, from the hierarchy and the rest pose."""
 
 from __future__ import annotations
 
@@ -9,34 +9,34 @@ import numpy as np
 from runtime.arrays import AnyArray
 from runtime.character.tree import JointTree
 
-# shares of the height of all joints
+# fractions of the height of all joints
 GROUND_FRACTION = 0.2  # ends of legs
 LEG_TOP_FRACTION = 0.25  # tops of legs
 LEG_FRACTION = 0.2  # from top to end
 ANKLE_FRACTION = 0.15  # the first joint of a leg below this is its ankle
-# of the way from the first joint to the knee: there the thigh begins, beyond are twists
+# of the distance from the first joint to the knee: where the thigh begins; joints beyond are twists
 BUTTOCK_FRACTIONS = (0.01, 0.2)
 TOE_FRACTION = 0.03  # from ankle to toe, along the ground
-TOLERANCE = 0.1  # between left and right
-# shares of an arm from its first joint to its tip
+SIDE_TOLERANCE = 0.1  # between left and right
+# fractions of an arm's length from its first joint to its tip
 UPPER_ARM_FRACTION = 0.47  # joints up to here may be the upper arm, those beyond are twists
-FINGERS_FRACTION = 0.25  # what a hand without separate fingers may have beyond the wrist
-HEAD_FRACTION = 0.8  # of the way from chest to crown; joints above are ends and hair
+FINGERS_FRACTION = 0.25  # maximum length of a hand without separate fingers beyond the wrist
+HEAD_FRACTION = 0.8  # from chest to crown; joints above are ends and hair
 
 
 @dataclass(frozen=True)
 class _Leg:
     top: int
     tip: int
-    foot: int  # of its own where it hangs on something else, -1 otherwise
+    foot: int  # of its own if it is attached to another joint, -1 otherwise
 
     @property
     def end(self) -> int:
         return self.tip if self.foot < 0 else self.foot
 
 
-Legs = tuple[_Leg, ...]  # two of them
-Arms = tuple[list[int], list[int]]  # the joints of each, from the chest out
+Legs = tuple[_Leg, ...]  # exactly two
+Arms = tuple[list[int], list[int]]  # joints of each arm, from the chest outwards
 
 
 def guess_by_structure(tree: JointTree, vertices: AnyArray) -> dict[str, int]:
@@ -70,7 +70,7 @@ def leg_count(tree: JointTree) -> int:
 
 
 def _leg_forks(tree: JointTree) -> list[tuple[int, Legs]]:
-    """Joints from which legs go down, each with two of them."""
+    """Return joints from which legs go down, each with two of them."""
     forks: list[tuple[int, Legs]] = []
     taken: set[int] = set()
     for joint in reversed(tree.order):  # the deepest first
@@ -83,14 +83,14 @@ def _leg_forks(tree: JointTree) -> list[tuple[int, Legs]]:
 
 
 def _in_the_middle(tree: JointTree, forks: list[tuple[int, Legs]]) -> list[tuple[int, Legs]]:
-    """Keep the forks whose legs stand on both sides of one plane; two fingers of a hand are no legs."""
+    """Keep the forks whose legs stand on both sides of one plane, unlike two fingers of a hand."""
     if len(forks) < 2:
         return forks
     ends = tree.positions[[[leg.end for leg in legs] for _, legs in forks]]  # (forks, 2, 3)
     gaps = ends[:, 0] - ends[:, 1]
     widest = int(np.linalg.norm(gaps, axis=1).argmax())
     middles = ends.mean(axis=1) @ gaps[widest] / np.linalg.norm(gaps[widest])
-    near = np.abs(middles - middles[widest]) < TOLERANCE * tree.size
+    near = np.abs(middles - middles[widest]) < SIDE_TOLERANCE * tree.size
     return [forks[k] for k in np.flatnonzero(near)]
 
 
@@ -112,7 +112,7 @@ def _leg(tree: JointTree, top: int, taken: set[int]) -> _Leg | None:
 
 
 def _loose_foot(tree: JointTree, top: int, tip: int, limit: float) -> int:
-    """A foot that hangs on the root, as in rigs whose feet are targets, -1 where none stands under the leg."""
+    """Return a foot attached to the root, as in rigs whose feet are IK targets; -1 if none stands under the leg."""
     below, own, above = tree.positions[tip], set(tree.under(top)), set(tree.ancestors(top))
     for joint in range(len(tree.parents)):
         gap = tree.positions[joint] - below
@@ -126,8 +126,8 @@ def _loose_foot(tree: JointTree, top: int, tip: int, limit: float) -> int:
 
 
 def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> Legs | None:
-    """The two legs most like each other that stand side by side."""
-    best, least = None, TOLERANCE * tree.size
+    """Return the two most similar legs that stand side by side."""
+    best, least = None, SIDE_TOLERANCE * tree.size
     for i, a in enumerate(legs):
         for b in legs[:i]:
             apart = (tree.positions[a.end] - tree.positions[b.end])[[0, 2]]
@@ -139,14 +139,14 @@ def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> Legs | None:
 
 
 def _across(tree: JointTree, legs: Legs) -> AnyArray:
-    """Unit direction over the ground from the second leg to the first."""
+    """Unit direction along the ground from the second leg to the first."""
     first, second = (_leg_joints(tree, leg, tree.parents[leg.top])["UpLeg"] for leg in legs)
     gap = (tree.positions[first] - tree.positions[second]) * (1.0, 0.0, 1.0)
     return np.asarray(gap / max(float(np.linalg.norm(gap)), 1e-9))
 
 
 def _left(tree: JointTree, legs: Legs, vertices: AnyArray) -> AnyArray:
-    """The direction of the character's left: up times where its toes, or the vertices of its feet, point."""
+    """Direction of the character's left: up times the direction of its toes, or of its feet's vertices."""
     across = _across(tree, legs)
     forward = np.zeros(3)
     for leg in legs:
@@ -186,12 +186,12 @@ def _leg_joints(tree: JointTree, leg: _Leg, hips: int) -> dict[str, int]:
 
 
 def _shorter(tree: JointTree, a: int, b: int, c: int) -> float:
-    """The shorter one of two bones."""
+    """Length of the shorter of two bones."""
     return min(tree.distance(a, b), tree.distance(b, c))
 
 
 def _arms(tree: JointTree, hips: int, legs: Legs, across: AnyArray) -> tuple[int, Arms]:
-    """The joint where the arms fork, and the chain of each arm to its farthest end; -1 where there are none."""
+    """Return the joint where the arms fork, and each arm's chain to its farthest end; -1 if there are none."""
     middle = 0.5 * (tree.positions[legs[0].top] + tree.positions[legs[1].top])
     in_legs = _joints_in_legs(tree, legs)
     top = _trunk_root(tree, hips, in_legs)
@@ -219,7 +219,7 @@ def _joints_in_legs(tree: JointTree, legs: Legs) -> set[int]:
 
 
 def _trunk_root(tree: JointTree, hips: int, in_legs: set[int]) -> int:
-    """The hips, or the joint above them where the spine hangs next to them."""
+    """Return the hips, or the joint above them if the spine is attached beside them."""
     for joint in tree.ancestors(hips):
         rest = [each for each in tree.under(joint) if each not in in_legs]
         if max(float(tree.positions[each, 1]) for each in rest) > tree.floor + 0.7 * tree.size:
@@ -237,7 +237,7 @@ def _arm_joints(tree: JointTree, chain: list[int], chest: int, across: AnyArray)
 def _free_arm(tree: JointTree, chain: list[int]) -> dict[str, int]:
     along = tree.along(chain)
     if len(chain) == 2 or along[-1] <= 0.0:
-        return {"Arm": chain[0], "ForeArm": chain[1]}  # the hand is none of its joints
+        return {"Arm": chain[0], "ForeArm": chain[1]}  # the hand has no joint
     hand = _wrist(tree, chain, along / along[-1])
     elbow = max(range(1, hand), key=lambda i: _shorter(tree, chain[0], chain[i], chain[hand]))
     reach = along[: elbow + 1] / max(float(along[elbow]), 1e-9)
@@ -248,7 +248,7 @@ def _free_arm(tree: JointTree, chain: list[int]) -> dict[str, int]:
     above = chain[hand - 1]
     far = 0.85 * tree.distance(above, chain[hand])
     if sum(tree.distance(above, each) > far for each in tree.children[above]) > 2:
-        return joints  # the pieces of a hand that has no joint of its own
+        return joints  # parts of a hand without a joint of its own
     joints["Hand"] = chain[hand]
     if hand + 1 < len(chain):
         joints["HandIndex1"] = chain[hand + 1]
@@ -256,7 +256,7 @@ def _free_arm(tree: JointTree, chain: list[int]) -> dict[str, int]:
 
 
 def _wrist(tree: JointTree, chain: list[int], share: AnyArray) -> int:
-    """The first joint of the outer half with several fingers, else the first one near the tip."""
+    """Return the first joint of the outer half with several fingers, else the first one near the tip."""
     for i in range(2, len(chain)):
         fingers = sum(tree.heights[child] >= 1 for child in tree.children[chain[i]])
         if share[i] > 0.5 and fingers >= 2:
@@ -267,7 +267,7 @@ def _wrist(tree: JointTree, chain: list[int], share: AnyArray) -> int:
 def _trunk(
     tree: JointTree, hips: int, chest: int, legs: Legs, arms: Arms, vertices: AnyArray
 ) -> dict[str, int]:
-    """Spine, neck and head."""
+    """Return spine, neck and head joints."""
     found: dict[str, int] = {}
     if hips in tree.ancestors(chest):
         spine = tree.chain(hips, chest)[1:]
@@ -289,7 +289,7 @@ def _trunk(
 
 
 def _head(tree: JointTree, chain: list[int], low: float, vertices: AnyArray) -> int:
-    """The joint of a chain up from the chest, at height `low`, that carries several others, else the last below the crown."""
+    """Return the joint above the chest, at height `low`, with several children, else the last below the crown."""
     crown = float(tree.positions[chain[-1], 1])
     crown = max(float(vertices[:, 1].max()) if len(vertices) else 0.0, crown)
     below = [j for j in chain if tree.positions[j, 1] - low <= HEAD_FRACTION * (crown - low)] or chain[:1]

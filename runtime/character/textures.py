@@ -1,4 +1,4 @@
-"""Textures of a glTF file (PNG, JPEG, WebP, KTX2), and the linear RGB that they and COLOR_0 give its vertices."""
+"""Textures of a glTF file (PNG, JPEG, WebP, KTX2), and the linear RGB vertex colours from them and COLOR_0."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 MAX_SIDE = 8192
-KTX2_PIXELS, KTX2_PIXELS_PER_BYTE = 4096 * 4096, 64  # of a texture in KTX2, by its header
-MAX_PIXELS = 8192 * 8192  # of all images of a file, and
-PIXELS_PER_BYTE = 16  # more for each of their bytes: images of something are hardly ever packed closer
+KTX2_PIXELS, KTX2_PIXELS_PER_BYTE = 4096 * 4096, 64  # of a KTX2 texture, from its header
+MAX_PIXELS = 8192 * 8192  # of all images of a file,
+PIXELS_PER_BYTE = 16  # and per byte of them: real images are hardly ever compressed further
 SAMPLED_PIXELS = 512  # textures are averaged down to this, since only one colour per vertex is taken
 EXTENSIONS = ("EXT_texture_webp", "KHR_texture_basisu")
 REMEDY = "Export textures as PNG or JPEG."
@@ -36,7 +36,7 @@ def texture_source(texture: Any) -> Any:
 
 
 def image_bytes(file: GltfFile, image: Any, what: str) -> bytes:
-    """Return the bytes of an image of a file; FileError where they are missing."""
+    """Return the bytes of an image of a file; FileError if they are missing."""
     if image.uri is not None:
         return read_uri(file.path, image.uri, "image")
     return bytes(file.view_bytes(image.bufferView, what))
@@ -51,7 +51,7 @@ def open_image(data: bytes, file: GltfFile, what: str) -> Image:
 
     if data.startswith(KTX2):
         return _ktx2(data, file, what)
-    # Pillow guesses the format by asking all of its readers, one of which hands PostScript to Ghostscript
+    # without a list Pillow tries all of its readers, one of which passes PostScript to Ghostscript
     if not data.startswith((b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")) and data[:4] + data[8:12] != b"RIFFWEBP":
         raise file.error(f"{what} is neither PNG, JPEG, WebP nor KTX2.", REMEDY)
     image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG", "WEBP"))
@@ -129,7 +129,7 @@ def srgb(linear: AnyArray) -> AnyArray:
 
 
 class Textures:
-    """The images of a file, each decoded once, with a bound on their pixels."""
+    """The images of a file, each decoded once, with a limit on their pixels."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
@@ -166,7 +166,7 @@ class Textures:
 
 
 def _reduced(image: Any) -> NDArray[np.uint8]:
-    """RGB of at most `SAMPLED_PIXELS` a side: large images are averaged before they are converted."""
+    """Return RGB with at most `SAMPLED_PIXELS` per side: large images are averaged before conversion."""
     image.draft("RGB", (SAMPLED_PIXELS, SAMPLED_PIXELS))
     if image.mode in ("L", "RGB", "RGBA"):
         factor = max(1, max(image.size) // (2 * SAMPLED_PIXELS))

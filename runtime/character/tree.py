@@ -1,4 +1,4 @@
-"""Hierarchies: what hangs on what, and joints in a rest pose with their chains, leaves and extents."""
+"""Hierarchies of nodes, and of joints in a rest pose with their chains, leaves and extents."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Tree:
     """Nodes by number with their parents (-1 at roots) and children."""
 
     def __init__(self, parents: Sequence[int], children: list[list[int]] | None = None) -> None:
-        """Without `children` those of a node are in the order of their numbers."""
+        """Without `children`, those of a node are in numerical order."""
         self.parents = tuple(parents)
         self.children = [[] for _ in self.parents] if children is None else children
         for node, parent in enumerate(self.parents if children is None else ()):
@@ -33,14 +33,14 @@ class Tree:
     def order(self) -> list[int]:
         """The nodes, parents before their children."""
         order = [node for node, parent in enumerate(self.parents) if parent < 0]
-        for node in order:  # which grows meanwhile
+        for node in order:  # grows during the loop
             order.extend(self.children[node])
         return order
 
     def under(self, top: int) -> list[int]:
         """Return a node and all its descendants, parents first."""
         found = [top]
-        for node in found:  # which grows meanwhile
+        for node in found:  # grows during the loop
             found.extend(self.children[node])
         return found
 

@@ -1,4 +1,4 @@
-"""Inverse kinematics of a limb of two bones, in closed form."""
+"""Closed-form inverse kinematics of a two-bone limb."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from runtime import rotations
 from runtime.arrays import AnyArray
 
 REACH_FRACTION = 0.9995  # of the limb's length
-GIVES_WAY_M = 0.005  # pull on the middle joint of a limb that is straight
+GIVES_WAY_M = 0.005  # pull on the middle joint of a straight limb
 
 
 def bend(

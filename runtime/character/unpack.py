@@ -1,4 +1,4 @@
-"""Meshes compressed by Draco or meshopt, unpacked as a document is opened: everything after it sees plain accessors."""
+"""Decompresses Draco and meshopt meshes when a document is opened: later code sees plain accessors."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from runtime.safe_read import reason
 
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-MAX_BYTES = 256 * 1024 * 1024  # of all that is unpacked, counted before it is
-STRIDES = {  # bytes of an element by mode and filter, as the extension allows them: the decoder writes beyond others
+MAX_BYTES = 256 * 1024 * 1024  # of all unpacked data, checked before unpacking
+STRIDES = {  # element size by mode and filter: the decoder would write out of bounds for others
     ("ATTRIBUTES", "NONE"): range(4, 257, 4),
     ("ATTRIBUTES", "EXPONENTIAL"): range(4, 257, 4),
     ("ATTRIBUTES", "OCTAHEDRAL"): (4, 8),
@@ -56,7 +56,7 @@ def _check_size(path: Path, size: int) -> None:
 
 
 def _part(buffers: list[memoryview], entry: Any) -> bytes:
-    """The bytes of a buffer view, or of the packed form of one; ValueError."""
+    """Return the bytes of a buffer view, or of its compressed form; ValueError."""
     start, length, buffer = entry.byteOffset or 0, entry.byteLength, entry.buffer or 0
     if not all(type(number) is int and number >= 0 for number in (start, length, buffer)):
         raise ValueError("a part is not where bytes can be")
@@ -66,7 +66,7 @@ def _part(buffers: list[memoryview], entry: Any) -> bytes:
 
 
 def _unpack_meshopt(path: Path, gltf: Any, buffers: list[memoryview], name: str) -> None:
-    """Every compressed buffer view becomes a part of one new buffer."""
+    """Decompress every compressed buffer view into one new buffer."""
     views = [view for view in gltf.bufferViews or [] if (view.extensions or {}).get(name) is not None]
     if not views:
         return
@@ -88,7 +88,7 @@ def _unpack_meshopt(path: Path, gltf: Any, buffers: list[memoryview], name: str)
 
 
 def _check_meshopt(view: Any, packed: Any) -> None:
-    """ValueError for what the extension forbids: the decoder believes its arguments."""
+    """Raise ValueError for what the extension forbids: the decoder trusts its arguments."""
     mode, count, stride = packed.mode, packed.count, packed.byteStride
     strides = STRIDES.get((mode, packed.filter or "NONE"), ())
     if type(stride) is not int or stride not in strides:
@@ -97,7 +97,7 @@ def _check_meshopt(view: Any, packed: Any) -> None:
     if type(count) is not int or count < 1 or (mode == "TRIANGLES" and count % 3):
         raise ValueError(f"count {str(count)[:20]}")
     if view.byteLength != count * stride:
-        raise ValueError("the size of a buffer view is not that of its elements")
+        raise ValueError("the size of a buffer view does not match its elements")
 
 
 def _draco_primitives(gltf: Any) -> list[Any]:
@@ -105,11 +105,11 @@ def _draco_primitives(gltf: Any) -> list[Any]:
 
 
 def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
-    """The attributes and indices of every compressed primitive become accessors with buffers of their own."""
+    """Decompress the attributes and indices of every compressed primitive into accessors with buffers of their own."""
     primitives = _draco_primitives(gltf)
     if not primitives:
         return
-    size, wanted = 0, dict[int, set[int]]()  # bytes of four for a number; attributes of each buffer view
+    size, wanted = 0, dict[int, set[int]]()  # four bytes per number; attributes of each buffer view
     for primitive in primitives:
         packed = primitive.extensions[DRACO]
         for k in (primitive.indices, *(primitive.attributes[name] for name in packed.attributes)):
@@ -130,7 +130,7 @@ def _unpack_draco(path: Path, gltf: Any, buffers: list[memoryview]) -> None:
 
 
 def _set_accessor(gltf: Any, buffers: list[memoryview], index: int, values: AnyArray) -> None:
-    """Give an accessor its values, in a buffer of their own."""
+    """Set the values of an accessor, in a buffer of their own."""
     accessor = gltf.accessors[index]
     values = values.reshape(-1, WIDTHS[accessor.type])
     values = np.ascontiguousarray(values, COMPONENTS[accessor.componentType])

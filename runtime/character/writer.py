@@ -1,4 +1,4 @@
-"""Skinned GLB files from a `Character`."""
+"""Writes a `Character` as a skinned GLB."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def write_character(path: str | Path, character: Character, name: str = "charact
     primitive = g.Primitive(attributes=attributes, indices=indices, material=0)
     gltf.meshes = [g.Mesh(name=name, primitives=[primitive])]
     inverse = character.inverse_bind.astype(np.float32).transpose(0, 2, 1).reshape(-1, 16)
-    inverse[:, [3, 7, 11]], inverse[:, 15] = 0.0, 1.0  # the format wants the last row exact
+    inverse[:, [3, 7, 11]], inverse[:, 15] = 0.0, 1.0  # the format requires an exact last row
     gltf.skins = [g.Skin(inverseBindMatrices=buffer.add(inverse), joints=list(range(count)))]
     parents, local = np.array(character.joint_parents), character.rest_world.astype(np.float64)
     inner = np.flatnonzero(parents >= 0)

@@ -1,1 +1,1 @@
-"""Edits of the shown pose: what words ask for and the network's own motion lacks. The network never sees them."""
+"""Edits of the shown pose: what a prompt asks for and the network's motion lacks. They are not fed back to the network."""

@@ -1,7 +1,7 @@
-"""Arms that do what their description says, where a walk by the network alone does not: elbows, swing, and where hands are.
+"""Arm edits: elbow bend, arm swing and hand placement that a prompt asks for and the network's walk lacks.
 
-As the other edits, those of elbows and swing measure the network's own arm as it moves and add what is missing. A hand
-that is not at its place comes to its edge: of the network's own movement what stays within the place is kept.
+Elbow and swing edits measure the network's own arm as it moves and add what is missing. A hand outside its requested
+place is brought to the edge of that place; within the place the network's own movement is kept.
 """
 
 from __future__ import annotations
@@ -53,40 +53,40 @@ from runtime.scalar_math import (
 from runtime.skeleton import SPORT_SKELETON
 
 ELBOW, OUT, SWING = range(len(ARM))
-MEAN_HALF_LIFE_S, RANGE_HALF_LIFE_S = 0.4, 0.6  # seconds in which the measures follow the pose
-ADDED_HALF_LIFE_S = 0.25  # seconds in which what is added follows what is missing
-MOST = tuple(row.most for row in targets_of("arm").values())  # degrees that are added to elbow and shoulder
-# times its own that is added to a swing; the rest goes in step with the other side's leg
+MEAN_HALF_LIFE_S, RANGE_HALF_LIFE_S = 0.4, 0.6  # of the measures
+ADDED_HALF_LIFE_S = 0.25  # of the added amounts
+LIMITS_DEG = tuple(row.most for row in targets_of("arm").values())  # limits for elbow and shoulder
+# times the arm's own swing: limit of the added swing; the rest follows the opposite leg
 MAX_SWING_GAIN = 2.5
-MIN_SWING_M = 0.06  # metres: an arm that swings less has no rhythm of its own
-MIN_STRIDE_M = 0.15  # metres from end to end: a leg that swings less gives none
-# metres under the shoulder, below which an arm swings, wholly so much lower
+MIN_SWING_M = 0.06  # an arm that swings less has no rhythm of its own
+MIN_STRIDE_M = 0.15  # peak to peak: a leg that swings less gives no rhythm
+# metres below the shoulder, from which an arm swings; fully when lower by the second
 RAISED_HAND_M, LOWERED_HAND_M = 0.05, 0.1
-MAX_SWING_SINE = 0.95  # of an arm from straight down, forward and back
-# of the elbow's own axis, and of its place: they decide for a straight arm
+MAX_SWING_SINE = 0.95  # of the angle to straight down, forward and back
+# weights of the elbow's own axis and of the place's, for a straight arm
 OWN_HINGE_WEIGHT, POLE_WEIGHT = 0.2, 0.02
-DEEPEST_BEND = radians(150.0)
-FAR_HAND_M = 0.15  # metres: a hand that comes from further has its elbow where the place has it
-# an elbow further from there than the first is turned there, over the second
-TURNED, TURNS = radians(30.0), radians(40.0)
-WRIST_STRAIGHTENING_FRACTION = 0.7  # of the way to a straight wrist, at a place
-# metres from the middle of a trunk to its surface, for a wrist
+MAX_BEND_RAD = radians(150.0)
+FAR_HAND_M = 0.15  # a hand from farther away gets the elbow direction of its place
+# an elbow off its direction by more than the first is turned there, eased over the second
+ELBOW_TOLERANCE_RAD, ELBOW_EASE_RAD = radians(30.0), radians(40.0)
+WRIST_STRAIGHTENING_FRACTION = 0.7  # of the wrist's straightening at a place
+# metres from the trunk's axis to its surface, for a wrist
 TRUNK_HALF_WIDTH_M, TRUNK_HALF_DEPTH_M = 0.165, 0.13
-TRUNK_BOTTOM_M, TRUNK_TOP_M = -0.12, 0.32  # metres from the hips up the trunk within which that holds
-SHOULDER_HEIGHT_M = 0.5  # metres up the trunk below which a palm lies on it
-TRUNK_EASE_M = 0.06  # metres over which it sets in from each of these heights
-MIN_TRUNK_RADIUS = 1e-3  # of its radii: a wrist nearer to the middle goes out to its own side
-# of the way out against the way ahead: behind, a palm does not lie on it
+TRUNK_BOTTOM_M, TRUNK_TOP_M = -0.12, 0.32  # from the hips up the trunk: range of this surface
+SHOULDER_HEIGHT_M = 0.5  # up the trunk: below it a palm lies on it
+TRUNK_EASE_M = 0.06  # over which it fades in at these heights
+MIN_TRUNK_RADIUS = 1e-3  # of its radii: a wrist nearer to the axis leaves to its own side
+# outward against forward: behind, a palm does not lie on the trunk
 MAX_BEHIND_COSINE, BEHIND_EASE_RATIO = 0.9, 0.3
-TOUCHING = 1.4, 1.8  # radii of the trunk within which a palm lies on it wholly, and beyond which it does not
-HEAD_MIDDLE: Vector = (0.0, 0.09, 0.02)  # metres from the joint of the head
-# metres from there within which a palm lies on it wholly, and beyond which it does not
+TOUCH_RADII = 1.4, 1.8  # of the trunk, within which a palm lies on it fully, and beyond which not at all
+HEAD_MIDDLE: Vector = (0.0, 0.09, 0.02)  # from the joint of the head
+# metres from there within which a palm lies on it fully, and beyond which it does not
 HEAD_RADIUS = 0.17, 0.22
-MOST_TWIST, MOST_FLEXION = radians(80.0), radians(60.0)  # of forearm and wrist
+MAX_TWIST_RAD, MAX_FLEXION_RAD = radians(80.0), radians(60.0)  # limits of forearm twist and wrist flexion
 _LENGTHS = tuple(
     abs(float(SPORT_SKELETON.offsets[SPORT_SKELETON.index(n)][0])) for n in ("LeftForeArm", "LeftHand")
 )
-_MAX_REACH_M, _MIN_REACH_M = 0.995 * sum(_LENGTHS), 0.12  # metres from the shoulder
+_MAX_REACH_M, _MIN_REACH_M = 0.995 * sum(_LENGTHS), 0.12  # from the shoulder
 _SHOULDER = len(ARM)
 _NOWHERE = (0.0,) * (len(FRAMES) * (1 + len(PLACE)))
 
@@ -112,9 +112,9 @@ class ArmPose(NamedTuple):
 
 
 class Body(NamedTuple):
-    """The part of the body that an arm edit needs: frames for the hands, directions, and the stride (metres of the opposite ankle ahead)."""
+    """Inputs of an arm edit: reference frames for the hands, directions, and the stride (metres of the opposite ankle ahead)."""
 
-    axes: tuple[Axes, ...]  # by `FRAMES`; of the first the rotation alone
+    axes: tuple[Axes, ...]  # by `FRAMES`; of the first only the rotation is used
     side: Vector  # towards the left
     ahead: Vector
     stride: float
@@ -122,17 +122,17 @@ class Body(NamedTuple):
 
 @dataclass
 class ArmEdit:
-    """State of one arm's edits: measured bend, spread and swing of the network's arm, and what is added to them."""
+    """State of one arm's edits: measured bend, spread and swing of the network's arm, and the added amounts."""
 
-    bend: Swing = field(default_factory=Swing)  # degrees of the elbow
-    out: Swing = field(default_factory=Swing)  # metres of the elbow outward of the shoulder
+    bend: Swing = field(default_factory=Swing)  # degrees of elbow flexion
+    out: Swing = field(default_factory=Swing)  # metres of the elbow outward from the shoulder
     swing: Swing = field(default_factory=Swing)  # metres of the hand ahead of the shoulder
-    stride: Swing = field(default_factory=Swing)  # metres of the other side's ankle ahead of the hips
-    more_bend: float = 0.0  # degrees that are added
+    stride: Swing = field(default_factory=Swing)  # metres of the opposite ankle ahead of the hips
+    more_bend: float = 0.0  # added degrees
     more_out: float = 0.0
-    more_swing: float = 0.0  # times the arm's own that is added
-    in_step: float = 0.0  # metres from end to end that are added in step with the leg
-    places: tuple[float, ...] = _NOWHERE  # by `FRAMES`: the weight in force, and `PLACE`
+    more_swing: float = 0.0  # added, relative to the arm's own
+    in_step: float = 0.0  # peak-to-peak metres added in phase with the leg
+    places: tuple[float, ...] = _NOWHERE  # by `FRAMES`: the current weight, and `PLACE`
 
     @property
     def active(self) -> bool:
@@ -145,10 +145,10 @@ class ArmEdit:
         return sum(self.places[:: 1 + len(PLACE)])
 
     def apply(self, arm: ArmPose, body: Body, targets: Targets) -> ArmPose | None:
-        """Return the edited arm, or None if nothing is requested and nothing is added."""
+        """Return the edited arm, or None if nothing is requested and nothing is fading out."""
         if not self.active and not asks(targets):
             if self.bend.known > 0.0:
-                vars(self).update(vars(ArmEdit()))  # what is asked for later is measured anew
+                vars(self).update(vars(ArmEdit()))  # a later request starts from new measurements
             return None
         self._observe(arm, body)
         self._follow(targets)
@@ -168,12 +168,12 @@ class ArmEdit:
         self.stride = self.stride.observed(body.stride, *halves)
 
     def _follow(self, targets: Targets) -> None:
-        """Let what is added go towards what is missing."""
+        """Move the added amounts towards what is missing."""
         known = self.bend.known
         bend = _lacking(targets[ELBOW], self.bend.middle)
-        self.more_bend = followed(self.more_bend, known * limited(bend, MOST[ELBOW]), ADDED_HALF_LIFE_S)
+        self.more_bend = followed(self.more_bend, known * limited(bend, LIMITS_DEG[ELBOW]), ADDED_HALF_LIFE_S)
         angle = _lacking(targets[OUT], self.out.middle, _raised)
-        self.more_out = followed(self.more_out, known * limited(angle, MOST[OUT]), ADDED_HALF_LIFE_S)
+        self.more_out = followed(self.more_out, known * limited(angle, LIMITS_DEG[OUT]), ADDED_HALF_LIFE_S)
         gain, swing = self.swing.gain(targets[SWING], MIN_SWING_M, MAX_SWING_GAIN), targets[SWING]
         rest = swing[0] * known * max(range_of(swing)[0] - self.swing.range * (1.0 + gain), 0.0)
         self.more_swing = followed(self.more_swing, gain, ADDED_HALF_LIFE_S)
@@ -191,7 +191,7 @@ class ArmEdit:
         self.places = tuple(places) if any(places[:: 1 + len(PLACE)]) else _NOWHERE
 
     def _swung(self, arm: ArmPose, body: Body, weight: float) -> ArmPose:
-        """The arm turned about its shoulder: outward, and forward and back."""
+        """Return the arm rotated about its shoulder: outward, and forward and back."""
         if self.more_out:
             turn = from_vector(scale(body.ahead, arm.sign * weight * radians(self.more_out)))
             arm = _turned(arm, turn)
@@ -212,7 +212,7 @@ class ArmEdit:
         return _turned(arm, from_vector(scale(body.side, -weight * angle)))
 
     def _put(self, arm: ArmPose, body: Body, placed: float) -> ArmPose:
-        """The arm with its hand at its places, the elbow where they have it."""
+        """Return the arm with its hand at its places and the elbow in their direction."""
         moved: Vector = (0.0, 0.0, 0.0)
         pole: Vector = (0.0, 0.0, 0.0)
         total = max(self._placed, 1.0)
@@ -225,7 +225,7 @@ class ArmEdit:
             away = subtract(add(at, rotate(axes.turned, (arm.sign * x, y, z))), arm.wrist)
             share = weight / total * max(1.0 - near / max(length(away), MIN_SIZE), 0.0)
             moved = add_scaled(moved, away, share)
-            # an elbow points by the trunk, and by the way that the body faces where the hand does
+            # the elbow direction is relative to the trunk, or to the facing direction if the hand's place is
             points = body.axes[0 if frame == 0 else 2].turned
             pole = add_scaled(pole, rotate(points, (arm.sign * px, py, pz)), weight)
         wrist = add(arm.wrist, moved)
@@ -234,13 +234,13 @@ class ArmEdit:
 
 
 def _lacking(target: Target, has: float, angle: Callable[[float], float] = float) -> float:
-    """What is missing of a range by its weight, in an `angle` that grows with the measure."""
+    """Return how far a measure is outside its range, times its weight, in an `angle` that grows with the measure."""
     low, high = range_of(target)
     return target[0] * (max(angle(low) - angle(has), 0.0) + min(angle(high) - angle(has), 0.0))
 
 
 def _raised(outward: float) -> float:
-    """Degrees to which an upper arm is raised whose elbow is so many metres outward."""
+    """Elevation (degrees) of an upper arm whose elbow is `outward` metres from the shoulder."""
     return degrees(asin(limited(outward / _LENGTHS[0], 1.0)))
 
 
@@ -250,7 +250,7 @@ def _flexion(arm: ArmPose) -> float:
 
 
 def _turned(arm: ArmPose, turn: Quaternion) -> ArmPose:
-    """The whole arm turned about its shoulder."""
+    """Return the arm rotated about its shoulder."""
     at = arm.shoulder
     elbow, wrist = (add(at, rotate(turn, subtract(p, at))) for p in (arm.elbow, arm.wrist))
     turned = multiply(turn, arm.upper), multiply(turn, arm.lower)
@@ -258,22 +258,22 @@ def _turned(arm: ArmPose, turn: Quaternion) -> ArmPose:
 
 
 def _hinge(arm: ArmPose) -> Vector:
-    """The axis about which the elbow bends: the way that it bends, and of a straight arm its own."""
+    """Return the elbow axis: normal to the arm's bending plane, or the joint's own axis for a straight arm."""
     upper, lower = unit(subtract(arm.elbow, arm.shoulder)), unit(subtract(arm.wrist, arm.elbow))
     own = rotate(arm.upper, (0.0, -arm.sign, 0.0))
     return unit(add_scaled(cross(upper, lower), own, OWN_HINGE_WEIGHT))
 
 
 def _bent(arm: ArmPose, more: float) -> ArmPose:
-    """The arm with its elbow bent by `more` radians."""
+    """Return the arm with its elbow bent by `more` radians."""
     now = _flexion(arm)
-    turn = from_vector(scale(_hinge(arm), min(max(now + more, 0.0), max(DEEPEST_BEND, now)) - now))
+    turn = from_vector(scale(_hinge(arm), min(max(now + more, 0.0), max(MAX_BEND_RAD, now)) - now))
     wrist = add(arm.elbow, rotate(turn, subtract(arm.wrist, arm.elbow)))
     return arm._replace(lower=multiply(turn, arm.lower), wrist=wrist)
 
 
 def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: float) -> ArmPose:
-    """The arm by two-bone IK with its wrist there, the elbow on the side that it was, or towards `pole`."""
+    """Return the arm by two-bone IK with its wrist at `wrist`; the elbow keeps its side, or points to `pole`."""
     a, b = _LENGTHS
     to = subtract(wrist, arm.shoulder)
     reach = min(max(length(to), _MIN_REACH_M), _MAX_REACH_M)
@@ -281,9 +281,9 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
     swing = between(before, axis)
     own = rotate(swing, perpendicular(subtract(arm.elbow, arm.shoulder), before))
     wanted = unit(perpendicular(pole, axis))
-    own = unit(add_scaled(own, wanted, POLE_WEIGHT))  # a straight arm bends as the place has it
+    own = unit(add_scaled(own, wanted, POLE_WEIGHT))  # a straight arm bends in the direction of the place
     angle = atan2(dot(cross(own, wanted), axis), dot(own, wanted))
-    turns = placed * max(far, smoothstep((abs(angle) - TURNED) / TURNS))
+    turns = placed * max(far, smoothstep((abs(angle) - ELBOW_TOLERANCE_RAD) / ELBOW_EASE_RAD))
     bend = rotate(from_vector(scale(axis, turns * angle)), own)
     c = limited((a * a + reach * reach - b * b) / (2.0 * a * reach), 1.0)
     elbow = add(arm.shoulder, add_scaled(scale(axis, a * c), bend, a * sqrt(1.0 - c * c)))
@@ -299,7 +299,7 @@ def _reached(arm: ArmPose, wrist: Vector, pole: Vector, placed: float, far: floa
 
 
 def _twist(arm: ArmPose, upper: Quaternion, elbow: Vector, wrist: Vector, weight: float) -> Quaternion:
-    """A turn of the upper arm about itself, by `weight` of the way to where its elbow bends as a hinge does."""
+    """Return a twist of the upper arm, by `weight` of that at which the elbow bends as a hinge."""
     along = unit(subtract(elbow, arm.shoulder))
     wanted = unit(cross(along, unit(subtract(wrist, elbow))))
     own = perpendicular(rotate(upper, (0.0, -arm.sign, 0.0)), along)
@@ -308,7 +308,7 @@ def _twist(arm: ArmPose, upper: Quaternion, elbow: Vector, wrist: Vector, weight
 
 
 class _Trunk(NamedTuple):
-    """Where a wrist is by the trunk: metres of it to the side, ahead, and up from the hips, with the axes of these."""
+    """Position of a wrist relative to the trunk: metres to the side, ahead, and up from the hips, with these axes."""
 
     x: float
     z: float
@@ -332,7 +332,7 @@ def _by_trunk(wrist: Vector, body: Body) -> _Trunk:
 
 
 def _out_of_trunk(wrist: Vector, sign: float, body: Body) -> Vector:
-    """The way out of the trunk, of a wrist inside it; nothing for one outside."""
+    """Return the direction out of the trunk for a wrist inside it; zero for one outside."""
     trunk = _by_trunk(wrist, body)
     level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / TRUNK_EASE_M) * smoothstep(
         (TRUNK_TOP_M - trunk.high) / TRUNK_EASE_M
@@ -347,7 +347,7 @@ def _out_of_trunk(wrist: Vector, sign: float, body: Body) -> Vector:
 
 
 def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
-    """How much a palm lies on trunk or head, the way out of what it lies on, and the way that its fingers rather point."""
+    """Return the weight of a palm lying on trunk or head, the surface normal there, and the preferred finger direction."""
     head = body.axes[3]
     middle = add(head.at, rotate(head.turned, HEAD_MIDDLE))
     from_head = subtract(arm.wrist, middle)
@@ -358,19 +358,19 @@ def _touched(arm: ArmPose, body: Body) -> tuple[float, Vector, Vector]:
     level = smoothstep((trunk.high - TRUNK_BOTTOM_M) / TRUNK_EASE_M) * smoothstep(
         (SHOULDER_HEIGHT_M - trunk.high) / TRUNK_EASE_M
     )
-    near = smoothstep((TOUCHING[1] - trunk.radii) / (TOUCHING[1] - TOUCHING[0]))
+    near = smoothstep((TOUCH_RADII[1] - trunk.radii) / (TOUCH_RADII[1] - TOUCH_RADII[0]))
     out = unit(
         add_scaled(
             scale(trunk.side, trunk.x / TRUNK_HALF_WIDTH_M**2), trunk.ahead, trunk.z / TRUNK_HALF_DEPTH_M**2
         )
     )
-    # behind the back it is the back of a hand that lies there
+    # behind the back it is the back of the hand that touches
     before = smoothstep((dot(out, trunk.ahead) + MAX_BEHIND_COSINE) / BEHIND_EASE_RATIO)
     return level * near * before, out, subtract(trunk.ahead, (0.0, 0.5, 0.0))
 
 
 def _laid(arm: ArmPose, body: Body, placed: float) -> ArmPose:
-    """The arm with its palm on what the wrist is at and the fingers along it, the forearm turned by half of that."""
+    """Return the arm with its palm on the touched surface and the fingers along it; the forearm takes half of the turn."""
     weight, out, ahead = _touched(arm, body)
     weight *= placed
     if weight <= 0.0:
@@ -383,9 +383,9 @@ def _laid(arm: ArmPose, body: Body, placed: float) -> ArmPose:
     w, x, y, z = relative(arm.lower, multiply(from_vector(scale(fingers, angle)), goal))
     twist = 2.0 * atan2(x, w)
     twist -= 2.0 * pi * round(twist / (2.0 * pi))
-    turned = _about_bone(limited(twist, MOST_TWIST))
-    flexed = _shortened(multiply((w, x, y, z), _about_bone(-twist)), MOST_FLEXION)
-    forearm = _about_bone(weight * 0.5 * limited(twist, MOST_TWIST))
+    turned = _about_bone(limited(twist, MAX_TWIST_RAD))
+    flexed = _shortened(multiply((w, x, y, z), _about_bone(-twist)), MAX_FLEXION_RAD)
+    forearm = _about_bone(weight * 0.5 * limited(twist, MAX_TWIST_RAD))
     hand = _towards(arm.hand, multiply(flexed, turned), weight)
     return arm._replace(lower=multiply(arm.lower, forearm), hand=multiply(inverse(forearm), hand))
 
@@ -395,11 +395,11 @@ def _about_bone(angle: float) -> Quaternion:
 
 
 def _shortened(q: Quaternion, most: float) -> Quaternion:
-    """A rotation of at most so many radians."""
+    """Return a rotation limited to `most` radians."""
     vector = to_vector(q)
     return from_vector(scale(vector, min(1.0, most / max(length(vector), MIN_SIZE))))
 
 
 def _towards(a: Quaternion, b: Quaternion, weight: float) -> Quaternion:
-    """From a to b by `weight` of the way."""
+    """Interpolate from a to b by `weight`."""
     return multiply(a, from_vector(scale(to_vector(relative(a, b)), weight)))

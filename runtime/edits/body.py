@@ -1,4 +1,4 @@
-"""All edits of one body: what they remember, and the pose that they make of an incoming one."""
+"""All edits of one body: their state, and the edited pose."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class BodyEdits:
         return self.legs.active or self.trunk.active or any(arm.active for arm in self.arms)
 
     def apply(self, hips: Array, local: Array, contacts: Array, request: EditRequest) -> EditedPose:
-        """Return the pose with what its prompt asks for added; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
+        """Return the pose with the requested edits; hips `(3,)`, local rotations `(31, 4)`, contacts `(4,)`."""
         x, y, z = (float(v) for v in hips)
         rotations, chances = np.asarray(local, np.float64).tolist(), np.asarray(contacts, np.float64).tolist()
         targets = request.targets
@@ -78,7 +78,7 @@ class BodyEdits:
         if self.legs.active or any(asks(leg[: len(LEG)]) for leg in targets[:2]):
             rise, (left, right) = self.legs.apply(y, (left, right), chances, request)
         elif self.legs.height:
-            self.legs = LegEdit()  # what is asked for later is measured anew
+            self.legs = LegEdit()  # a later request starts from new measurements
         east, up, south, local = self.trunk.apply((x, y, z), local, request)
         moved = (x + east, y + rise + up, z + south)
         if any(arm.active or asks(row) for arm, row in zip(self.arms, targets[ROW_ARMS:], strict=True)):
@@ -110,7 +110,7 @@ class BodyEdits:
 
 
 def _along(start: Axes, joints: tuple[int, ...], rotations: list[Quaternion]) -> Axes:
-    """The last of a chain of joints that begins at `start`."""
+    """Return position and rotation of the last joint of a chain that begins at `start`."""
     at, turned = start
     for joint in joints:
         at, turned = add(at, rotate(turned, _OFFSETS[joint])), multiply(turned, rotations[joint])
@@ -129,5 +129,5 @@ def _arm(chest: Axes, sign: float, joints: tuple[int, ...], rotations: list[Quat
 
 
 def _under(leg: LegPose, by: Vector) -> LegPose:
-    """The leg under hips that have moved by metres over a foot that stays."""
+    """Return the leg with its hips moved `by` metres and its foot in place."""
     return LegPose(*leg[:4], add(leg.hip, by), add(leg.knee, by), *leg[6:])

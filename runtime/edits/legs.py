@@ -1,8 +1,8 @@
-"""Legs that do what their description says, where a walk by the network alone does not.
+"""Leg edits: posture of legs and feet that a prompt asks for and the network's walk lacks.
 
-The network's own legs are measured over their steps: the line of the feet, the height of the hips, the pitch and yaw of planted
-feet. What a description asks for and a walk lacks is added to the pose before the foot lock, as the edits of the training
-data do it. The network is fed its own pose, so that the measure does not depend on the edit.
+The network's own legs are measured over their steps: track width, hip height, pitch and yaw of planted feet. What a
+description asks for and the walk lacks is added to the pose before the foot lock, in the same way as in the augmented
+training data. The network is fed its own pose, so that the measurement does not depend on the edit.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from math import acos, asin, atan2, cos, degrees, dist, hypot, pi, radians, sin,
 from runtime.edits.line import FootLine
 from runtime.edits.request import (
     LEG,
+    MAX_ADDED_OF_LEG,
     MIN_SEEN,
     MIN_WEIGHT,
-    MOST_OF_LEG,
     EditRequest,
     Target,
     Targets,
@@ -42,47 +42,47 @@ from runtime.scalar_math import (
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
 OUTWARD, LOWER, PITCH, TOE_OUT, KNEE, LIFT = range(len(LEG))
-ADDED_HALF_LIFE_S = 0.2  # seconds in which an edit follows its measure
-MEASURE_HALF_LIFE_S = 0.25  # seconds in which a measure follows the pose
-LINE_HALF_LIFE_S = 0.15  # seconds on both feet in which their line is measured,
-ONE_FOOT_WEIGHT = 0.2  # and what a second on one foot or none counts of that
-# seconds in which the height of a swing, and the largest bend of a knee, are forgotten
+ADDED_HALF_LIFE_S = 0.2  # of the edits
+MEASURE_HALF_LIFE_S = 0.25  # of the measures
+LINE_HALF_LIFE_S = 0.15  # of the track width, measured while both feet are down,
+ONE_FOOT_WEIGHT = 0.2  # weight of a second with one foot or none on the ground
+# half-lives of the height of a swing, and of the largest bend of a knee
 LIFT_HALF_LIFE_S = 2.0
-STIFFENING_DEGREES = 5.0  # degrees over the bend that is asked for, at which a knee is straightened wholly
-MIN_WALKING_SPEED_M_PER_S = 0.3  # m/s, from which on it is
-RISE_HALF_LIFE_S, MAX_RISE_M = 0.1, 0.05  # seconds, metres: the hips go with legs that stand elsewhere
-TIPTOE_RISE_M_PER_RAD = 0.1  # metres that hips rise per radian of a raised heel, half of what the ankles do,
-HEEL_SINK_M_PER_RAD = 0.045  # and that they sink per radian of raised toes
-ROLLED_FOOT_DEGREES = 8.0  # degrees of a raised heel from which it does not stand
-SIDESTEP_HALF_LIFE_S, MAX_SIDESTEP_M = 0.06, 0.24  # seconds, metres that a straight leg swings outward
-MAX_TOE_UP_RAD = 0.7  # radians that its foot is turned up so that the toe clears the ground
-MAX_KNEE_DEGREES = 90.0  # of a bend that is asked for: more counts as this
-MIN_SQUARED_RISE = 0.04  # m2: hips stay 0.2 m over an ankle, however far aside it goes
-STANDING_BEND_RAD = radians(10.0)  # of a straight leg that stands: it carries the hips as high as it can
-BENT_M = 0.1  # hips that are lowered so far bend knees, whatever these are to do
-SWING_CLEARANCE_M = 0.03  # metres over its resting height that a straight leg swings
-UPRIGHT_HIPS_M = 0.955  # metres of the hips over level ground in neutral walking
+STIFFENING_DEGREES = 5.0  # over the requested flexion, at which a knee is straightened fully
+MIN_WALKING_SPEED_M_PER_S = 0.3  # above which it is
+RISE_HALF_LIFE_S, MAX_RISE_M = 0.1, 0.05  # of the hips' response to displaced legs; its limit
+TIPTOE_RISE_M_PER_RAD = 0.1  # rise of the hips per radian of a raised heel, half of the ankles' rise,
+HEEL_SINK_M_PER_RAD = 0.045  # and their sinking per radian of raised toes
+ROLLED_FOOT_DEGREES = 8.0  # of a raised heel, beyond which it does not stand
+SIDESTEP_HALF_LIFE_S, MAX_SIDESTEP_M = 0.06, 0.24  # of a straight leg's outward swing; its limit
+MAX_TOE_UP_RAD = 0.7  # upward pitch of its foot, so that the toe clears the ground
+MAX_KNEE_DEGREES = 90.0  # of a requested bend; more counts as this
+MIN_SQUARED_RISE = 0.04  # m2: hips stay 0.2 m above an ankle, however far sideways it moves
+STANDING_BEND_RAD = radians(10.0)  # of a straight standing leg, which carries the hips as high as possible
+BENT_M = 0.1  # lowering of the hips from which knees bend regardless of their description
+SWING_CLEARANCE_M = 0.03  # over its resting height, of a straight swinging leg
+UPRIGHT_HIPS_M = 0.955  # hip height over level ground in neutral walking
 _NOTHING = (0.0,) * len(LEG)
 _UP: Vector = (0.0, 1.0, 0.0)
-_FROM_HEEL: Vector = (0.0, ANKLE_HEIGHT, 0.05)  # metres from the heel to the ankle
+_FROM_HEEL: Vector = (0.0, ANKLE_HEIGHT, 0.05)  # from heel to ankle, m
 
 
 @dataclass
 class LegEdit:
-    """State of the leg edits of one character: measurements of the network's legs, and the edits in force."""
+    """State of the leg edits of one character: measurements of the network's legs, and the current edits."""
 
-    across: float = 0.0  # m of the left ankle from the right one across the way, times `known`
-    middle: float = 0.0  # m of both ankles to the left of the hips, times `known`
-    known: float = 0.0  # how well the former two are known, 0 to 1; all three of moments on both feet
+    across: float = 0.0  # m, lateral distance of the left ankle from the right one, times `known`
+    middle: float = 0.0  # m, mean of both ankles to the left of the hips, times `known`
+    known: float = 0.0  # weight (0 to 1) of these two, measured while both feet are down
     line: FootLine = field(default_factory=FootLine, metadata={"later": True})
-    height: float = 0.0  # m of the hips over the ground; 0 before the first frame
-    pitch: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, heel up
-    yaw: tuple[float, float] = (0.0, 0.0)  # degrees of a planted foot, outward
-    rise: float = 0.0  # m that the hips go with legs that stand elsewhere
-    aside: tuple[float, float] = (0.0, 0.0)  # m that a straight leg swings outward
-    lift: tuple[float, float] = (0.0, 0.0)  # m that an ankle rises in its swings
-    bend: tuple[float, float] = (0.0, 0.0)  # degrees that a knee bends in its swings
-    # what is added, by `LEG`; of a lift the fraction that is gone, of a knee the bend that it has at most
+    height: float = 0.0  # m of the hips above the ground; 0 before the first frame
+    pitch: tuple[float, float] = (0.0, 0.0)  # degrees of planted feet, heel up
+    yaw: tuple[float, float] = (0.0, 0.0)  # degrees of planted feet, outward
+    rise: float = 0.0  # m, of the hips for displaced legs
+    aside: tuple[float, float] = (0.0, 0.0)  # m, outward swing of a straight leg
+    lift: tuple[float, float] = (0.0, 0.0)  # m, rise of the ankles in swing
+    bend: tuple[float, float] = (0.0, 0.0)  # degrees, knee flexion in swing
+    # added amounts, by `LEG`; for a lift the removed fraction, for a knee its maximum flexion
     left: tuple[float, ...] = _NOTHING
     right: tuple[float, ...] = _NOTHING
 
@@ -177,10 +177,10 @@ class LegEdit:
         self.lift, self.bend = (lift[0], lift[1]), (bend[0], bend[1])
 
     def _follow(self, request: EditRequest) -> None:
-        """Let what is added go towards what is missing."""
+        """Move the added amounts towards what is missing."""
         middle = self.middle * (1.0 - narrow(request.targets))  # `line` keeps narrow feet under the hips
         wanted = [self._missing(request.targets[k], k, middle) for k in (0, 1)]
-        lower = min(wanted[0][LOWER], wanted[1][LOWER])  # one leg alone lowers no hips
+        lower = min(wanted[0][LOWER], wanted[1][LOWER])  # one leg alone does not lower the hips
         for name, goal in zip(("left", "right"), wanted, strict=True):
             goal[LOWER] = lower
             goal[KNEE] *= max(1.0 - lower / BENT_M, 0.0)
@@ -196,13 +196,13 @@ class LegEdit:
         shown = (beside, self.lowered, self.pitch[leg], self.yaw[leg], 0.0, 0.0)
         wanted = [
             limited(lacking(target, has), most)
-            for target, has, most in zip(targets, shown, MOST_OF_LEG, strict=False)
+            for target, has, most in zip(targets, shown, MAX_ADDED_OF_LEG, strict=False)
         ]
         wanted[OUTWARD] *= self.known
         wanted[LOWER] = max(wanted[LOWER], 0.0)
         most, bend = range_of(targets[KNEE])[1], self.bend[leg]
         stiffens = limited(max(bend - most, 0.0) / STIFFENING_DEGREES, 1.0)
-        wanted[KNEE] = targets[KNEE][0] * limited(most, MOST_OF_LEG[KNEE]) * stiffens
+        wanted[KNEE] = targets[KNEE][0] * limited(most, MAX_ADDED_OF_LEG[KNEE]) * stiffens
         lift, has = range_of(targets[LIFT])[1], self.lift[leg]
         wanted[LIFT] = targets[LIFT][0] * max(1.0 - lift / max(has, MIN_SEEN), 0.0)
         return wanted
@@ -215,7 +215,7 @@ class LegEdit:
         bears: tuple[float, float],
         spans: list[tuple[float, float]],
     ) -> float:
-        """Metres by which hips go up or down so that legs which carry them bend as before feet went aside, or stand straight."""
+        """Hip displacement (metres, up) that keeps the bend of supporting legs with displaced feet, or straightens them."""
         total = rise = 0.0
         for foot, ankle, weight, (least, _) in zip(feet, moved, bears, spans, strict=True):
             hip = (foot.hip[0], foot.hip[1] + up, foot.hip[2])
@@ -231,7 +231,7 @@ class LegEdit:
 
 
 def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
-    """The leg with its foot turned about the ankle, and its heel raised about the toe."""
+    """Return the leg with its foot rotated about the ankle, and its heel raised about the toe."""
     if added[TOE_OUT]:
         turn = _about(_UP, radians(sign * added[TOE_OUT]))
         toe = add(leg.ankle, rotate(turn, subtract(leg.toe, leg.ankle)))
@@ -251,36 +251,33 @@ def _foot(leg: LegPose, sign: float, added: tuple[float, ...]) -> LegPose:
 
 
 def _low(leg: LegPose, gone: float, ground: float) -> LegPose:
-    """The leg with its foot lower and flatter over the ground, by a fraction of what it is raised."""
+    """Return the leg with its foot lower and flatter, by a fraction of its height above the ground."""
     leg = _about_toe(leg, -gone * max(_heel_up(leg), 0.0))
     down = (0.0, -gone * max(leg.ankle[1] - ground - ANKLE_HEIGHT, 0.0), 0.0)
     return leg._replace(ankle=add(leg.ankle, down), toe=add(leg.toe, down))
 
 
 def _bend(leg: LegPose) -> float:
-    """Degrees by which a knee bends."""
+    """Knee flexion in degrees."""
     thigh, shin, reach = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee), dist(leg.ankle, leg.hip)
     return degrees(acos(limited((reach * reach - thigh * thigh - shin * shin) / (2.0 * thigh * shin), 1.0)))
 
 
 def _heel_up(leg: LegPose) -> float:
-    """Radians by which the heel is raised over the toe."""
+    """Pitch (radians) of the foot, heel up."""
     ahead = subtract(leg.toe, leg.ankle)
     return -atan2(ahead[1] + ANKLE_HEIGHT - TOE_HEIGHT, hypot(ahead[0], ahead[2]))
 
 
 def _about_toe(leg: LegPose, up: float) -> LegPose:
-    """The leg with its heel raised about the toe by so many radians."""
+    """Return the leg with its heel raised about the toe by `up` radians."""
     turn = _about(rotate(leg.foot, (1.0, 0.0, 0.0)), up)
     ankle = add(leg.toe, rotate(turn, subtract(leg.ankle, leg.toe)))
     return leg._replace(foot=multiply(turn, leg.foot), ankle=ankle)
 
 
 def _straight(leg: LegPose, added: float, asked: Target) -> tuple[float, float]:
-    """Metres that a leg spans at least, standing and swinging, whose knee bends by what is `asked` at most.
-
-    `added` is what is in force of it, in degrees.
-    """
+    """Minimum hip-ankle distance (m), standing and swinging, with flexion limited to `asked`; `added` degrees are in force."""
     if added <= 0.0:
         return 0.0, 0.0
     most = radians(min(range_of(asked)[1], MAX_KNEE_DEGREES))
@@ -296,24 +293,24 @@ def _straight(leg: LegPose, added: float, asked: Target) -> tuple[float, float]:
 def _straightened(
     leg: LegPose, up: float, ankle: Vector, straight: float, bears: float, request: EditRequest
 ) -> tuple[Vector, float]:
-    """The ankle of a leg that spans so many metres at least, and metres that it swings outward where it would scuff.
+    """Return the ankle of a leg that spans at least `straight` metres, and its outward swing (m) where it would scuff.
 
-    A leg that `bears` stays where it stands.
+    A leg that `bears` weight keeps its position.
     """
     hip = (leg.hip[0], leg.hip[1] + up, leg.hip[2])
     along = subtract(ankle, hip)
     reach = max(length(along), MIN_SIZE)
     target = add(hip, scale(along, max(straight / reach, 1.0)))
     floor = request.ground + ANKLE_HEIGHT + SWING_CLEARANCE_M
-    floor += min(bears, 1.0) * min(ankle[1] - floor, 0.0)  # what stands, stands
+    floor += min(bears, 1.0) * min(ankle[1] - floor, 0.0)  # a standing foot keeps its height
     sunk, drop = max(floor - target[1], 0.0), hip[1] - target[1]
-    # the leg keeps its length and its place along the way: what it rises it goes aside
+    # at constant length and position along the path, a leg that rises moves sideways
     aside = (1.0 - min(bears, 1.0)) * sqrt(max(drop * drop - (drop - sunk) ** 2, 0.0))
     return (target[0], target[1] + sunk, target[2]), min(aside, MAX_SIDESTEP_M)
 
 
 def _toe_over(leg: LegPose, lowest: float, swings: float) -> LegPose:
-    """The leg with its foot turned about the ankle so that the toe is `lowest` metres over that at least, if it swings."""
+    """Return the leg with its foot pitched so that the toe is at least at height `lowest`, while it swings."""
     ahead = subtract(leg.toe, leg.ankle)
     if ahead[1] >= lowest or swings <= 0.0:
         return leg

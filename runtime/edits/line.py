@@ -1,8 +1,8 @@
-"""Feet on a narrow line: every step comes down before the foot that is shown to stand, and goes round it.
+"""Narrow track: every step lands on one line with the standing foot as it is shown, and swings around it.
 
-The network's own feet do not say where that is: they slide under a body that sways, while the foot lock holds what is shown;
-and the body drifts to one side of the way that is asked for. So a step is measured against the foot that was shown last, across
-the way that the hips go.
+The network's own feet do not tell where that is: they slide under a swaying body, while the foot lock holds the shown
+foot; and the body drifts sideways from the requested direction. So a step is measured from the foot as last shown,
+perpendicular to the hips' direction of travel.
 """
 
 from __future__ import annotations
@@ -14,34 +14,34 @@ from runtime.edits.request import OUTWARD, EditRequest, limited, narrow, range_o
 from runtime.pose import FPS
 from runtime.scalar_math import Vector, add, decay, dot, scale, subtract
 
-STEP_HALF_LIFE = 0.04  # seconds in which a swinging foot comes before the one that stands
-FOLLOWED_FRACTION = 0.55  # of the way there that it goes: by the rest the network keeps its balance
-MAX_STEP_CHANGE_M = 0.15  # metres that a step goes elsewhere
-CLEAR_M, PASSING_M = 0.1, 0.27  # a foot passes the other at this distance, while it is so near along the way
-MIN_WALKING_SPEED_M_PER_S = 0.3  # m/s, from which on it is
-DRIFT_HALF_LIFE, MAX_DRIFT_M_PER_S = 1.0, 0.3  # seconds in which a drift to one side is seen, m/s
-OFF_HALF_LIFE = 0.5  # seconds in which it is seen that the line runs beside the hips
-CENTRING_FRACTION, MAX_CENTRING_M = 0.5, 0.05  # of that, and metres, that a step comes back under them
+STEP_HALF_LIFE_S = 0.04  # of a swinging foot's approach to the line
+FOLLOWED_FRACTION = 0.55  # of the correction that is applied: with the rest the network keeps its balance
+MAX_STEP_CHANGE_M = 0.15  # limit of the shift of a step
+CLEAR_M, PASSING_M = 0.1, 0.27  # lateral distance at which feet pass, while this near along the path
+MIN_WALKING_SPEED_M_PER_S = 0.3  # above which it is active
+DRIFT_HALF_LIFE_S, MAX_DRIFT_M_PER_S = 1.0, 0.3  # of the measured sideways drift; its limit
+OFFSET_HALF_LIFE_S = 0.5  # of the measured offset of the line from the hips
+CENTRING_FRACTION, MAX_CENTRING_M = 0.5, 0.05  # of that offset a step takes back; limit
 
 
 @dataclass
 class FootLine:
-    """State of narrow steps: where the line of the feet runs, and where the last steps landed."""
+    """State of narrow steps: the line of the feet, and the shifts of the last steps."""
 
-    x: float = 0.0  # m, where the hips were in the last frame
+    x: float = 0.0  # m, position of the hips in the last frame
     z: float = 0.0
-    drift: float = 0.0  # m/s of them to the left of the way that is asked for
-    off: float = 0.0  # m that the line runs to the left of them
-    left: float = 0.0  # m to the left that the last step of the left foot went elsewhere
+    drift: float = 0.0  # m/s, of the hips to the left of the requested direction
+    off: float = 0.0  # m, of the line to the left of the hips
+    left: float = 0.0  # m to the left, shift of the left foot's last step
     right: float = 0.0
-    known: float = 0.0  # 1 once `x` and `z` are
+    known: float = 0.0  # 1 once `x` and `z` are set
 
     def apply(
         self, hips: Vector, ankles: list[Vector], bears: tuple[float, float], request: EditRequest
     ) -> list[Vector]:
-        """Return the ankles moved onto a line, if a narrow walk is asked for.
+        """Return the ankles moved onto a line, if a narrow walk is requested.
 
-        `hips` is the middle of the hips, `bears` the load on each foot (0 to 1).
+        `hips` is the centre of the hips, `bears` the load on each foot (0 to 1).
         """
         by = narrow(request.targets)
         if not by:
@@ -50,7 +50,7 @@ class FootLine:
         side = self._across(hips, request)
         stand = request.feet or (ankles[0], ankles[1])
         off = dot(subtract(scale(add(*stand), 0.5), hips), side)
-        self.off += (1.0 - decay(OFF_HALF_LIFE)) * (off - self.off)
+        self.off += (1.0 - decay(OFFSET_HALF_LIFE_S)) * (off - self.off)
         centring = limited(CENTRING_FRACTION * self.off, MAX_CENTRING_M)
         wanted = sum(range_of(leg[OUTWARD])[1] for leg in request.targets[:2])
         steps, moved = [self.left, self.right], []
@@ -58,7 +58,7 @@ class FootLine:
             apart, free = subtract(ankle, other), max(1.0 - bears[k], 0.0)
             gap = sign * dot(apart, side)
             goal = FOLLOWED_FRACTION * by * limited(sign * (wanted - gap) - centring, MAX_STEP_CHANGE_M)
-            steps[k] += (1.0 - decay(STEP_HALF_LIFE)) * free * (goal - steps[k])
+            steps[k] += (1.0 - decay(STEP_HALF_LIFE_S)) * free * (goal - steps[k])
             ahead = apart[2] * side[0] - apart[0] * side[2]
             near = max(1.0 - (ahead / PASSING_M) ** 2, 0.0)
             push = by * near * free * max(CLEAR_M - gap - sign * steps[k], 0.0)
@@ -67,7 +67,7 @@ class FootLine:
         return moved
 
     def _across(self, hips: Vector, request: EditRequest) -> Vector:
-        """To the left across the way that the hips go."""
+        """Unit vector to the left of the hips' direction of travel."""
         x, z = request.velocity
         speed = hypot(x, z)
         if speed < MIN_WALKING_SPEED_M_PER_S:
@@ -75,7 +75,7 @@ class FootLine:
         else:
             if self.known:
                 drift = (z * (hips[0] - self.x) - x * (hips[2] - self.z)) / speed * FPS
-                self.drift += (1.0 - decay(DRIFT_HALF_LIFE)) * (
+                self.drift += (1.0 - decay(DRIFT_HALF_LIFE_S)) * (
                     limited(drift, MAX_DRIFT_M_PER_S) - self.drift
                 )
             turn = self.drift / speed

@@ -1,7 +1,7 @@
-"""What words ask of a body in numbers, and what edits of its parts share: a measure of a swing, and what is followed.
+"""Edit targets: the numbers that a prompt asks of each body part, and the measures that the edits share.
 
-A target is a weight (0 to 1) and a range, its lowest and highest value times that weight, so that targets of two prompts
-blend by their weights. Edits measure the network's own parts as it moves and add what lies outside the range.
+A target is a weight (0 to 1) and a range (minimum and maximum, each times the weight), so that targets of two prompts
+blend linearly. Edits measure the network's own parts as they move and add what is missing to reach the range.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ from runtime.arrays import Array
 from runtime.measures.table import targets_of
 from runtime.scalar_math import Vector, decay
 
-GAITS = ("walk", "jog", "crouch")  # what is asked differs between them
-PACE = "pace"  # of a leg, and of the way that they go
+GAITS = ("walk", "jog", "crouch")  # gaits with targets of their own
+PACE = "pace"  # target of the leg's pace and of the walking speed
 LEG, TRUNK, ARM = (
     tuple(name for name in targets_of(kind) if name != PACE) for kind in ("leg", "torso", "arm")
 )
-# of an arm besides the place of its hand in each of these axes, those of a left arm: metres, the way that the elbow points, and
-# metres from the place within which a hand is there
+# arm targets besides the hand's place in each of these frames, for a left arm: metres, elbow direction, and
+# tolerance in metres
 FRAMES = ("shoulder", "hips", "chest", "head")
 PLACE = ("x", "y", "z", "pole_x", "pole_y", "pole_z", "near")
-PARTS = ("left_leg", "right_leg", "torso", "left_arm", "right_arm")  # the rows of what is asked for
+PARTS = ("left_leg", "right_leg", "torso", "left_arm", "right_arm")  # rows of the targets
 ROW_TRUNK, ROW_ARMS = 2, 3
-FOLD = ROW_TRUNK, TRUNK.index("fold")  # what every trunk is asked for, whatever is said of it
+FOLD = ROW_TRUNK, TRUNK.index("fold")  # target of every trunk, whatever its description
 WIDTH = len(ARM) + len(FRAMES) * len(PLACE)
-SHAPE = (len(GAITS), len(PARTS), WIDTH, 3)  # of what is asked for: each target's weight, and ends times that
+SHAPE = (len(GAITS), len(PARTS), WIDTH, 3)  # weight, and range times weight, of each target
 OUTWARD = LEG.index("outward")
-PACED = len(LEG)  # the column of a leg's pace
-# metres of a foot from the middle line while both stand, in usual and in narrow walking
+PACED = len(LEG)  # column of a leg's pace
+# metres of a foot from the centre line while both stand, in usual and in narrow walking
 USUAL_OUTWARD_M, NARROW_OUTWARD_M = 0.05, 0.02
-MOST_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # that is added
-MAX_TARGET = 200.0  # degrees, metres of any target; of an open end
-MIN_WEIGHT = 1e-6  # of a target: less asks for nothing
-MIN_ADDED = 1e-4  # degrees, metres: what is taken back ends there
-MIN_SEEN = 1e-3  # degrees, metres, times: less is not seen
-Target = list[float]  # weight, and both ends of the range times that
+MAX_ADDED_OF_LEG = tuple(targets_of("leg")[name].most for name in LEG)  # limits of the added amounts
+MAX_TARGET = 200.0  # degrees or metres, of any target; value of an open end
+MIN_WEIGHT = 1e-6  # of a target: less requests nothing
+MIN_ADDED = 1e-4  # degrees or metres: a fading edit ends here
+MIN_SEEN = 1e-3  # degrees, metres or ratio: less is invisible
+Target = list[float]  # weight, and both ends of the range times weight
 Targets = list[Target]  # of one part
 
 
@@ -47,20 +47,20 @@ class EditRequest(NamedTuple):
     """What a prompt asks of each body part, and how the body moves in this frame."""
 
     targets: list[Targets]  # [part][target]
-    yaw: float  # radians, the way that the body faces
+    yaw: float  # radians, facing direction of the body
     velocity: tuple[float, float]  # m/s of the root, X and Z
-    ground: float  # metres, the height under the body
-    feet: tuple[Vector, Vector] | None = None  # where the ankles were shown last
+    ground: float  # metres, ground height under the body
+    feet: tuple[Vector, Vector] | None = None  # ankles as shown last
 
 
 def range_of(target: Target) -> tuple[float, float]:
-    """Return the lowest and highest value that a target asks for; the widest range if it asks for nothing."""
+    """Return a target's minimum and maximum; the widest range if it requests nothing."""
     weight, low, high = target
     return (low / weight, high / weight) if weight > MIN_WEIGHT else (-MAX_TARGET, MAX_TARGET)
 
 
 def least_of(target: Target) -> float:
-    """Return the lowest value that a target asks for, or 0 if it asks for nothing."""
+    """Return a target's minimum, or 0 if it requests nothing."""
     return target[1] / target[0] if target[0] > MIN_WEIGHT else 0.0
 
 
@@ -71,12 +71,12 @@ def lacking(target: Target, shown: float) -> float:
 
 
 def asks(targets: Targets) -> bool:
-    """Return whether any of the targets asks for something."""
+    """Return whether any of the targets requests something."""
     return any(target[0] > MIN_WEIGHT for target in targets)
 
 
 def narrow(targets: list[Targets]) -> float:
-    """Return how narrow a track the leg targets ask for: 0 for the usual width, 1 for the narrowest."""
+    """Return how narrow a track the leg targets request: 0 for the usual width, 1 for the narrowest."""
     found = []
     for leg in targets[:ROW_TRUNK]:
         outward = leg[OUTWARD]
@@ -105,8 +105,8 @@ class Swing:
     """Running mean and range of a periodic quantity."""
 
     mean: float = 0.0  # times `known`
-    square: float = 0.0  # mean square of what is away from the mean, times `known`
-    known: float = 0.0  # how well they are known, 0 to 1
+    square: float = 0.0  # mean squared deviation, times `known`
+    known: float = 0.0  # weight of these, 0 to 1
 
     def observed(self, value: float, mean_half_life: float, range_half_life: float) -> Swing:
         """Return the swing updated with the value of one more frame; the half-lives are in seconds."""
@@ -126,9 +126,9 @@ class Swing:
         return 2.0 * sqrt(2.0 * self.square / self.known) if self.known > 0.0 else 0.0
 
     def gain(self, target: Target, smallest: float, most: float) -> float:
-        """Return how much of the swing to add, as a factor of it, to reach the target range.
+        """Return the gain (factor of the swing to add) that reaches the target range.
 
-        Swings under `smallest` do not count as rhythm; at most `most` is added.
+        Swings below `smallest` do not count as rhythm; the gain is at most `most`.
         """
         low, high = range_of(target)
         more = min(max(low / max(self.range, smallest) - 1.0, 0.0), most) * min(self.range / smallest, 1.0)
@@ -144,7 +144,7 @@ def checked_targets(values: Any) -> Array:
     """Read targets from a file, sparse or complete; files from before targets had ranges yield none. Raises ValueError."""
     given: Array = np.array(values, np.float64)
     if given.shape[-1:] in ((2,), (4,)) and given.ndim < len(SHAPE):
-        return np.zeros(SHAPE)  # of a file in which a target was one value: its words ask anew
+        return np.zeros(SHAPE)  # an old file with one value per target: its prompt has to be read again
     targets = given if given.shape == SHAPE else _placed(given.reshape(-1, 6))
     weights = targets[..., 0]
     if not (np.abs(targets) <= MAX_TARGET).all() or not ((weights >= 0.0) & (weights <= 1.0)).all():

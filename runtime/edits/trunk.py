@@ -1,8 +1,8 @@
-"""A trunk that does what its description says, where a walk by the network alone does not: lean, twist, sway, rock, bounce.
+"""Trunk edits: lean, twist, sway, rock and bounce that a prompt asks for and the network's walk lacks.
 
-As the other edits, it measures the network's own trunk as it moves and adds what is missing. A trunk leans by the line from
-hips to neck, and bends at the hips. Hips that sway or bounce move over feet that stay; the head turns back a part of what is
-added, and arms hang on. At no moment a trunk folds or tips much further than is said of it.
+The network's own trunk is measured as it moves, and what is missing is added. Lean is measured on the line from
+hips to neck, and applied at the hips. Hips that sway or bounce move over fixed feet; the head turns back by a part of
+the added rotation, and the arms keep hanging. The trunk never folds or tips much further than its description says.
 """
 
 from __future__ import annotations
@@ -48,26 +48,26 @@ from runtime.scalar_math import (
 from runtime.skeleton import SPORT_SKELETON
 
 LEAN, ASIDE, TWIST, SWAY, ROCK, BOUNCE, FOLD, SHRUG = range(len(TRUNK))
-MOST = tuple(row.most for row in targets_of("torso").values())  # degrees that are added
-# of sway and rock: times the network's; metres, degrees
+LIMITS_DEG = tuple(row.most for row in targets_of("torso").values())  # limits of the added rotation
+# limits of sway and rock: times the network's; metres, degrees
 MAX_SWING_GAIN, MAX_SHIFT_M, MAX_ROCK_DEGREES = 2.5, 0.07, 12.0
 HIPS_TO_NECK_M = 0.5
-MAX_BOUNCE_M = 0.06  # metres that hips go down or up
-SINKING_FRACTION = 0.35  # of a bounce's range, that hips are lower: legs grow no longer
-MEAN_HALF_LIFE_S = 0.4  # seconds in which the measures follow the pose,
-RANGE_HALF_LIFE_S = 0.6  # and the ranges of sway, rock and bounce
-ADDED_HALF_LIFE_S = 0.36  # seconds in which what is added follows what is missing
-# metres from end to end over feet on a line: less than half a foot's width to either side, where no more is asked for
+MAX_BOUNCE_M = 0.06  # limit of the hips' vertical displacement
+SINKING_FRACTION = 0.35  # of a bounce's range, by which hips are lowered: legs cannot lengthen
+MEAN_HALF_LIFE_S = 0.4  # of the measures,
+RANGE_HALF_LIFE_S = 0.6  # and of the ranges of sway, rock and bounce
+ADDED_HALF_LIFE_S = 0.36  # of the added amounts
+# peak-to-peak metres over feet on a line: under half a foot's width to either side, unless more is requested
 MAX_LINE_SWAY_M = 0.06
-# metres, degrees: what swings less is amplified less, and what does not swing not at all
+# metres, degrees: smaller swings are amplified less, and absent ones not at all
 MIN_SWAY_M, MIN_ROCK_DEGREES, MIN_BOUNCE_M = 0.008, 1.0, 0.008
-NECK_FRACTION = 0.6  # of what is added, that the neck takes back
-HANGING_ARM_FRACTION = 0.65  # of a lean that is added, that the arms take back
-# seconds, degrees: a trunk folds so far over what it leans all the time
+NECK_FRACTION = 0.6  # of the added rotation, taken back by the neck
+HANGING_ARM_FRACTION = 0.65  # of an added lean, taken back by the arms
+# half-life of the permanent lean (seconds); degrees that a trunk may fold beyond it
 STEADY_HALF_LIFE_S, STEADY_LEAN_MARGIN_DEGREES = 2.0, 8.0
-# degrees that a trunk tips to a side, and leans back, at most, over what is said
+# degrees that a trunk may tip to a side, and lean back, beyond its description
 MAX_TIP_DEGREES, MAX_BACK_LEAN_DEGREES = 20.0, 15.0
-BOUND_EASE_DEGREES = 5.0  # degrees before either bound, from which it is slowed down
+BOUND_EASE_DEGREES = 5.0  # before either bound, where its motion is slowed down
 _AT = SPORT_SKELETON.index
 _SPINE, _NECK = tuple(map(_AT, ("LowerBack", "Spine", "Spine1"))), _AT("Neck")
 _COLLARS = _AT("LeftShoulder"), _AT("RightShoulder")
@@ -91,28 +91,28 @@ class Moved(NamedTuple):
 
 @dataclass
 class TrunkEdit:
-    """State of the trunk edits of one character: measurements of the network's trunk, and what is added to it."""
+    """State of the trunk edits of one character: measurements of the network's trunk, and the added amounts."""
 
     lean: Swing = field(default_factory=Swing)  # degrees
     aside: Swing = field(default_factory=Swing)
     twist: Swing = field(default_factory=Swing)
-    sway: Swing = field(default_factory=Swing)  # metres of the hips away from their mean way
-    bounce: Swing = field(default_factory=Swing)  # metres of their height
-    x: float = 0.0  # m, mean place of the hips
+    sway: Swing = field(default_factory=Swing)  # metres of the hips from their mean path
+    bounce: Swing = field(default_factory=Swing)  # metres, hip height
+    x: float = 0.0  # m, mean position of the hips
     z: float = 0.0
-    east: float = 0.0  # m/s, its mean velocity
+    east: float = 0.0  # m/s, their mean velocity
     south: float = 0.0
-    steady: float = 0.0  # degrees that the trunk leans all the time
-    more_lean: float = 0.0  # degrees that are added
+    steady: float = 0.0  # degrees, permanent lean
+    more_lean: float = 0.0  # added degrees
     more_aside: float = 0.0
     more_twist: float = 0.0
-    more_sway: float = 0.0  # times the network's own that is added
+    more_sway: float = 0.0  # added, relative to the network's own
     more_rock: float = 0.0
     more_bounce: float = 0.0
-    shrug: float = 0.0  # degrees that the shoulders are raised
+    shrug: float = 0.0  # degrees, shoulder elevation
 
     def watch(self, lean: float, aside: float, fold: float) -> bool:
-        """Return whether the trunk, leaning `lean` degrees, is close to its limit or to tipping over; call every frame."""
+        """Return whether the trunk, leaning `lean` degrees, is near its fold limit or tipping over; call every frame."""
         shown = max(min(lean, self._bound(fold)), -self._back(0.0))
         self.steady += (1.0 - decay(STEADY_HALF_LIFE_S)) * (shown - self.steady)
         return (
@@ -132,7 +132,7 @@ class TrunkEdit:
         if self.active or asks([*targets[:FOLD], targets[SHRUG]]) or narrow(request.targets):
             shift, up, lean, rolled = self._edit(hips, shown, side, request)
         elif self.lean.known > 0.0:
-            vars(self).update(vars(TrunkEdit(steady=self.steady)))  # what is asked for later is measured anew
+            vars(self).update(vars(TrunkEdit(steady=self.steady)))  # later edits measure anew
         weight, most = targets[FOLD][0], range_of(targets[FOLD])[1]
         if weight > MIN_WEIGHT:
             leans = shown[LEAN] + lean
@@ -155,23 +155,23 @@ class TrunkEdit:
         return max(fold, self.steady + STEADY_LEAN_MARGIN_DEGREES)
 
     def _back(self, said: float) -> float:
-        """Degrees that the trunk leans back at most, of which so much is said (negative: back)."""
+        """Limit of leaning back (degrees), given the described lean `said` (negative: back)."""
         return max(MAX_BACK_LEAN_DEGREES - min(said, 0.0), STEADY_LEAN_MARGIN_DEGREES - self.steady)
 
     def _edit(
         self, hips: Vector, shown: tuple[float, float, float], side: Vector, request: EditRequest
     ) -> tuple[float, float, float, float]:
-        """Metres that hips move to the left and up, degrees that the trunk leans forward and to the left."""
+        """Return the hips' displacement to the left and up (m), and the trunk's forward and left lean (degrees)."""
         if self.lean.known == 0.0:
             self.x, self.z, self.east, self.south = hips[0], hips[2], 0.0, 0.0
         mean, halves = 1.0 - decay(MEAN_HALF_LIFE_S), (MEAN_HALF_LIFE_S, RANGE_HALF_LIFE_S)
         east, south = request.velocity
         self.east += mean * (east - self.east)
         self.south += mean * (south - self.south)
-        x, z = self.x + self.east / FPS, self.z + self.south / FPS  # the mean goes along
+        x, z = self.x + self.east / FPS, self.z + self.south / FPS  # the mean position follows
         self.x, self.z = x + mean * (hips[0] - x), z + mean * (hips[2] - z)
         swayed = (hips[0] - self.x) * side[0] + (hips[2] - self.z) * side[2]
-        swayed = limited(swayed, MAX_SHIFT_M)  # what is more turns or sets off
+        swayed = limited(swayed, MAX_SHIFT_M)  # larger values are turns or starts
         height = hips[1] - request.ground
         for name, value in zip(_MEASURED, (*shown, swayed, height), strict=True):
             setattr(self, name, getattr(self, name).observed(value, *halves))
@@ -180,7 +180,7 @@ class TrunkEdit:
         sinks = SINKING_FRACTION * self.bounce.range if self.more_bounce > 0.0 else 0.0
         bounced = self.more_bounce * (height - self.bounce.middle - sinks)
         shift = limited(self.more_sway * swayed, MAX_SHIFT_M)
-        # the shoulders stay, and so most of the mass
+        # shoulders, and most of the mass, stay in place
         stays = degrees(atan2(-shift, HIPS_TO_NECK_M))
         return (
             shift,
@@ -190,13 +190,13 @@ class TrunkEdit:
         )
 
     def _follow(self, targets: Targets, on_a_line: float) -> None:
-        """Let what is added go towards what is missing; hips over a line stay over the foot that stands."""
+        """Move the added amounts towards what is missing; hips over a line stay over the standing foot."""
         for k, (name, measure) in enumerate(
             (("lean", self.lean), ("aside", self.aside), ("twist", self.twist))
         ):
-            goal = measure.known * limited(lacking(targets[k], measure.middle), MOST[k])
+            goal = measure.known * limited(lacking(targets[k], measure.middle), LIMITS_DEG[k])
             setattr(self, f"more_{name}", followed(getattr(self, f"more_{name}"), goal, ADDED_HALF_LIFE_S))
-        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], MOST[SHRUG]), ADDED_HALF_LIFE_S)
+        self.shrug = followed(self.shrug, limited(targets[SHRUG][1], LIMITS_DEG[SHRUG]), ADDED_HALF_LIFE_S)
         for k, name, measure, least in (
             (SWAY, "sway", self.sway, MIN_SWAY_M),
             (ROCK, "rock", self.aside, MIN_ROCK_DEGREES),
@@ -211,7 +211,7 @@ class TrunkEdit:
 
 
 def _too_far(angle: float, bound: float) -> float:
-    """Degrees by which a trunk leans too far: it is slowed down before the bound, and stops there."""
+    """Degrees by which a trunk exceeds a bound, eased in before it."""
     over = max(angle - bound + BOUND_EASE_DEGREES, 0.0)
     return (
         over * over / (4.0 * BOUND_EASE_DEGREES)
@@ -221,7 +221,7 @@ def _too_far(angle: float, bound: float) -> float:
 
 
 def _angles(rotations: list[Quaternion], side: Vector, ahead: Vector) -> tuple[float, float, float]:
-    """Degrees of lean and aside of the line from hips to neck, and of the twist, from the rotations of hips and spine."""
+    """Return lean, sideways lean (hips to neck) and twist in degrees, from the rotations of hips and spine."""
     pelvis, *spine = rotations[: 1 + len(_SPINE)]
     lower = multiply(pelvis, spine[0])
     middle = multiply(lower, spine[1])
@@ -236,7 +236,7 @@ def _angles(rotations: list[Quaternion], side: Vector, ahead: Vector) -> tuple[f
 def _turned(
     local: Array, rotations: list[Quaternion], angles: tuple[float, float, float], axes: tuple[Vector, Vector]
 ) -> Array:
-    """Local rotations with the trunk turned by degrees of lean and aside at the hips, and of twist, a third at each joint."""
+    """Return local rotations with the trunk leant at the hips, and twisted by a third at each joint (degrees)."""
     side, ahead = axes
     lean, aside, twist = map(radians, angles)
     result, parent = np.array(local, copy=True), rotations[0]
@@ -258,7 +258,7 @@ def _turned(
 
 
 def _shrugged(local: Array, angle: float) -> Array:
-    """Local rotations with both shoulders raised by an angle in radians, and arms that hang on."""
+    """Return local rotations with both shoulders raised by `angle` radians and the arms kept hanging."""
     result = np.array(local, copy=True)
     for collar, arm, sign in zip(_COLLARS, _ARMS, (1.0, -1.0), strict=True):
         before = tuple(local[collar].tolist())

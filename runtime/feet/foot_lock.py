@@ -1,9 +1,9 @@
-"""Feet that stand: toes and heels are held on the terrain while they are in contact, and lifted over it in swing.
+"""Foot lock: toes and heels are held on the terrain while they are in contact, and lifted over it in swing.
 
-Per foot: contact with hysteresis, the held point (toe in preference to heel), rotation, position and clearance. Then the
-pelvis sinks as far as a held foot needs, closed-form IK brings the legs there as fast as knees can follow, and the toes
-bend on the ground. What the outgoing foot differs by from the incoming one is an offset: it stays while the foot is held,
-and is damped to zero when the foot is free, so that nothing jumps.
+Per foot: contact with hysteresis, held point (the toe rather than the heel), rotation, position and clearance. Then the
+pelvis sinks as far as a held foot needs, closed-form IK bends the legs as fast as knees can follow, and the toes
+bend on the ground. The difference between outgoing and incoming foot is an offset: it is kept while the foot is held,
+and damped to zero once the foot is free, so that nothing jumps.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from runtime.feet.settings import SETTINGS
 from runtime.scalar_math import Vector, damp, smoothstep
 from runtime.terrain.height_map import PointHeights, Terrain
 
-UNLOADED_FOOT_WEIGHT = 0.05  # of a foot without contact, in what carries the hips
-BENT_LEG_FRACTION = 0.93  # of a leg's length: one that spans less carries no height
-# a network shows toes at heel strike 13 % lower than captured ones (`python -m training.evaluation gait`, "toes up")
+UNLOADED_FOOT_WEIGHT = 0.05  # weight of a foot without contact in the pelvis offset
+BENT_LEG_FRACTION = 0.93  # of a leg's length: a leg that spans less does not lift the hips
+# the network raises the toes at heel strike 13 % less than captures do (`python -m training.evaluation gait`, "toes up")
 ADDED_TOES_UP_FRACTION = 0.14
 
 
@@ -36,19 +36,19 @@ ADDED_TOES_UP_FRACTION = 0.14
 class PelvisOffset:
     """Vertical offset of the hips from the incoming pose, carried from frame to frame.
 
-    A standing foot is some millimetres off the incoming one. A bent knee absorbs that unseen; a straight one would bend
-    by ten degrees for three millimetres. So the hips keep the span of straight standing legs, each leg with a smooth
-    weight. A leg too short for its held foot lowers them further.
+    A planted foot is some millimetres off its incoming position. A bent knee absorbs that invisibly; a straight one would
+    bend by ten degrees for three millimetres. So the hips preserve the hip-ankle distance of straight standing legs, each
+    leg with a smooth weight. A leg too short for its held foot lowers the hips further.
     """
 
     offset: float = 0.0  # m, upwards
-    carried: float = 0.0  # the same before a short leg draws the hips down
+    carried: float = 0.0  # `offset` before a leg that is too short lowers the hips
     speed: float = 0.0
     short: float = 0.0  # m that a leg is too short
     short_velocity: float = 0.0
-    risen: float = 0.0  # m over a bar
+    risen: float = 0.0  # m that the hips rise over a bar
     rising: float = 0.0  # m/s
-    room: float = 0.0  # m that a knee still needs which cannot bend so fast
+    room: float = 0.0  # m that the hips still rise for a knee that cannot bend fast enough
 
     def carry(
         self,
@@ -72,7 +72,7 @@ class PelvisOffset:
             carried += weight * min(max(rise_for(leg.hip, foot.ankle, spans), -down), up)
             total += weight
             if foot.anchor:
-                # what needs no easing, or what the incoming leg spans
+                # the reach that needs no easing, or the hip-ankle distance of the incoming leg
                 reach = foot.bones.length * max(MAX_REACH - EASE_REACH_FRACTION, spans / foot.bones.length)
                 least = min(least, rise_for(leg.hip, foot.ankle, reach))
         self.carried, self.speed = damp(self.carried, self.speed, carried / total, s.carry_half_life, dt)
@@ -88,7 +88,7 @@ class PelvisOffset:
                 self.risen = self.rising = 0.0
 
     def _room_to_rise(self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot]) -> float:
-        """Metres over `offset` at which the first held leg is straight."""
+        """Metres that the hips can rise above `offset` until the first held leg is straight."""
         spans = [
             rise_for(leg.hip, foot.ankle, (MAX_REACH - EASE_REACH_FRACTION) * foot.bones.length)
             for leg, foot in zip(legs, feet, strict=True)
@@ -109,7 +109,7 @@ class PelvisOffset:
 
 
 def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
-    """Return how far (metres) `hip` must rise for its distance from `ankle` to become `spans`, or as close to that as possible."""
+    """Return how far (metres) `hip` must rise to be `spans` away from `ankle`, or as close to that distance as possible."""
     across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
     return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
 
@@ -119,7 +119,7 @@ def carrying_rise(
 ) -> float:
     """Return how far (metres) the hips rise so that nearly straight legs with weight on them get the lengths `spans`.
 
-    `legs` are where each begins and its ankle, `bears` is the contact probability of each foot.
+    `legs` are the positions of hip joint and ankle, `bears` is the contact probability of each foot.
     """
     total = rise = 0.0
     for (hip, ankle), reach, weight, bones in zip(legs, spans, bears, LEGS, strict=True):
@@ -138,13 +138,13 @@ def _with_toes_up(leg: LegPose, ground: PointHeights) -> LegPose:
 class Support(NamedTuple):
     """Inputs of the foot lock that depend on the character's state."""
 
-    airborne: bool = False  # it is thrown, no leg carries it
-    patience: float = 1.0  # how many times as far as usual a held foot may be from the incoming one
-    # where they are to stand, if not where the incoming pose has them
+    airborne: bool = False  # in free flight: no leg carries the body
+    patience: float = 1.0  # factor on the allowed distance between a held foot and the incoming one
+    # where the feet should stand, if not at their incoming positions
     legs: tuple[LegPose, LegPose] | None = None
-    over: SteppedOver | None = None  # what the gait itself steps over
-    walks: bool = False  # one foot at least is on the ground
-    least_bend: float = 0.0  # radians that a knee is bent at least
+    over: SteppedOver | None = None  # the obstacle that the gait itself steps over
+    walks: bool = False  # at least one foot is on the ground
+    least_bend: float = 0.0  # minimum knee flexion, radians
 
 
 class FootLockResult(NamedTuple):
@@ -156,7 +156,7 @@ class FootLockResult(NamedTuple):
 
 @dataclass
 class FootLock:
-    """Foot lock of one character: its state; call `apply` once per simulated frame, in order."""
+    """Foot lock of one character, with its state; call `apply` once per simulated frame, in order."""
 
     feet: tuple[PlantedFoot, PlantedFoot] = field(default_factory=lambda: (PlantedFoot(0), PlantedFoot(1)))
     knees: tuple[Knee, Knee] = field(default_factory=lambda: (Knee(), Knee()))
@@ -166,7 +166,7 @@ class FootLock:
     )
     balance: Balance = field(default_factory=Balance)
     on_beam: bool = False
-    pull: tuple[float, float] = (0.0, 0.0)  # m/s, XZ, that keep the root over a beam
+    pull: tuple[float, float] = (0.0, 0.0)  # m/s, XZ: keeps the root over a beam
 
     @property
     def held(self) -> tuple[str, str]:
@@ -220,7 +220,7 @@ class FootLock:
         ground: PointHeights,
         dt: float,
     ) -> None:
-        """Choose what holds each foot, and where it is: by `chances` of contact (left heel, left toe, right heel, right toe)."""
+        """Choose the held point of each foot and its target; `chances` are contacts (left heel, left toe, right heel, right toe)."""
         drop, edges = -self.pelvis.offset, has_edges(ground)
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             other = self.feet[1 - side]
@@ -238,7 +238,7 @@ class FootLock:
         ground: PointHeights,
         dt: float,
     ) -> tuple[list[SpannedFoot], float]:
-        """Return the feet as far as their legs reach and knees can follow, and the metres that the hips sink for it."""
+        """Return the feet within reach of their legs and of the knees' speed, and the metres that the hips sink for it."""
         drop = -self.pelvis.offset
         ends = []
         for foot, knee, leg, came in zip(self.feet, self.knees, legs, incoming, strict=True):
@@ -266,7 +266,7 @@ class FootLock:
         ground: PointHeights,
         dt: float,
     ) -> None:
-        """Write the local rotations of thighs, shins and feet that bring the feet there, with the hips `drop` metres lower."""
+        """Write the local rotations of thighs, shins and feet that reach the targets, with the hips `drop` metres lower."""
         for foot, knee, leg, end in zip(self.feet, self.knees, incoming, reached, strict=True):
             hip = leg.raised(-drop)
             first, ankle = foot.bones.joints[1], end.lifted(end.ankle)
@@ -283,7 +283,7 @@ class FootLock:
         over: SteppedOver | None,
         dt: float,
     ) -> tuple[LegPose, LegPose]:
-        """Return legs whose feet are led past what is stepped over."""
+        """Return legs whose feet are shifted past the obstacle that is stepped over."""
         steps, held = [foot.next_step for foot in self.feet], [bool(foot.anchor) for foot in self.feet]
         for foot, step, other, leg in zip(self.feet, steps, steps[::-1], incoming, strict=True):
             down = foot.toe_down or foot.heel_down
@@ -296,7 +296,7 @@ class FootLock:
     def _on_beam(
         self, hips: Vector, incoming: tuple[LegPose, LegPose], local: Array, ground: PointHeights, dt: float
     ) -> tuple[tuple[LegPose, LegPose], Array]:
-        """Return legs moved onto the middle of a beam, and local rotations with the arms held out; as they came elsewhere."""
+        """Return legs moved onto the middle of a beam and local rotations with the arms held out; elsewhere both are unchanged."""
         side_way = side_of_beam(hips, incoming, ground)
         self.on_beam, self.pull = side_way is not None, pull_of_beam(hips, side_way, ground)
         left, right = (
@@ -306,7 +306,7 @@ class FootLock:
         return (left, right), self.balance.apply(local, self.on_beam, dt)
 
     def take_over(self, shown: tuple[Array, Array], incoming: tuple[Array, Array]) -> None:
-        """Continue from a pose that was shown instead of the incoming one; the difference fades out.
+        """Continue from the `shown` pose instead of the `incoming` one; the difference fades out.
 
         Both are hips `(3,)` and local rotations `(31, 4)`.
         """

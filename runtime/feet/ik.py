@@ -16,14 +16,14 @@ LEG_SHINS = np.array([3, 8])
 LEG_FEET = np.array([4, 9])
 LEG_TOES = np.array([5, 10])
 
-# of the leg's length (2.3 degrees): a knee never locks, so its bending plane stays defined
+# of the leg's length (2.3 degrees): a knee never straightens fully, so its bending plane stays defined
 MAX_REACH = 0.9998
-# of the leg's length: what a leg straightens beyond its own pose is approached with falling speed
+# of the leg's length: beyond its own pose's length, a leg extends with falling speed
 EASE_REACH_FRACTION = 0.001
 MIN_REACH_FRACTION = 0.2  # of the leg's length: about 155 degrees of knee flexion
-MIN_OPENING_M = 1e-4  # of the ankle from where a leg is folded wholly
-MIN_BEND_M = 1e-5  # of a knee off the line from hip to ankle, from which it has a plane
-MAX_HELPER_COSINE = 0.9  # of a leg along Z, up to which +Z tells its plane
+MIN_OPENING_M = 1e-4  # minimum distance of the ankle from its position in a fully folded leg
+MIN_BEND_M = 1e-5  # distance of the knee from the hip-ankle line above which it defines a bending plane
+MAX_HELPER_COSINE = 0.9  # of the leg's direction with Z: up to this, +Z defines the bending plane
 POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset
 _FORWARD = np.array([0.0, 0.0, 1.0])
 
@@ -32,8 +32,8 @@ def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Arr
     """Return the distance that a leg of `length` spans when `distance` is requested and the incoming pose spans `span`.
 
     Equal to the requested distance up to `MAX_REACH - EASE_REACH_FRACTION` of the length, and always up to `span`.
-    Beyond, it eases quadratically towards `MAX_REACH` of the length: the knee angle grows with the square root of the
-    missing length, and would otherwise move at any speed.
+    Beyond, it eases quadratically towards `MAX_REACH` of the length: without easing the knee would snap, because its
+    angle grows with the square root of the missing length.
     """
     length = np.asarray(length)
     start = np.maximum((MAX_REACH - EASE_REACH_FRACTION) * length, np.minimum(span, length))

@@ -1,9 +1,9 @@
-"""One leg in plain floats: forward kinematics and two-bone IK, knees that do not snap, toes that bend.
+"""One leg in plain floats: forward kinematics, two-bone IK, knees of limited speed, and toes bent by the ground.
 
-`runtime.feet.ik` is the same mathematics on arrays, and the tests hold the two together.
+`runtime.feet.ik` is the same mathematics on arrays; tests compare the two.
 
-Near straight, a millimetre of distance between hip and ankle is ten degrees of the knee, so that a foot that is put down,
-held or let go would throw it. What a knee cannot follow for some frames, the foot takes up: it rolls over its toe.
+Near straight, a millimetre of hip-ankle distance changes the knee by ten degrees, so that landing, holding or releasing a
+foot would snap the knee. What the knee cannot follow for some frames, the foot takes up by rolling over its toe.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class LegPose(NamedTuple):
     toe: Vector
 
     def raised(self, metres: float) -> Vector:
-        """Return the hip position with the body raised."""
+        """Return the hip position raised by `metres`."""
         return self.hip[0], self.hip[1] + metres, self.hip[2]
 
 
@@ -86,7 +86,7 @@ def leg_forward(bones: LegBones, hips: Vector, local: list[Quaternion]) -> LegPo
 
 
 def leg_base(bones: LegBones, hips: Vector, root: Quaternion, joint: Quaternion) -> tuple[Quaternion, Vector]:
-    """Return the world rotation of a leg's hip joint, which lies in the hips, and where its thigh begins."""
+    """Return the world rotation of a leg's hip joint, which is located at the hips, and the position of its thigh."""
     base = multiply(root, joint)
     return base, add(hips, rotate(base, bones.offsets[1]))
 
@@ -94,7 +94,7 @@ def leg_base(bones: LegBones, hips: Vector, root: Quaternion, joint: Quaternion)
 def toes_raised(leg: LegPose, fraction: float, rise: float = 0.0) -> LegPose:
     """Return the leg with its toes raised further by a `fraction`, relative to a flat sole; the foot turns about the ankle.
 
-    The ground under the toe is `rise` metres above that under the ankle.
+    The ground under the toe is `rise` metres higher than under the ankle.
     """
     sole = subtract(leg.toe, leg.ankle)
     foot = length(sole)
@@ -117,7 +117,7 @@ def leg_inverse(
     base, thigh, shin, _, hip, knee, ankle, _ = leg
     upper, lower, now = subtract(knee, hip), subtract(ankle, knee), subtract(ankle, hip)
     axis, to_target = unit(now), (target[0] - hip[0], target[1] - (hip[1] - drop), target[2] - hip[2])
-    # far from the origin a float no longer tells hip from knee: a bone without length must not divide
+    # far from the origin rounding makes hip and knee coincide: avoid dividing by a zero length
     a, b = max(length(upper), MIN_SIZE), max(length(lower), MIN_SIZE)
     wanted = length(to_target)
     aim = unit(to_target) if wanted > MIN_SIZE else axis
@@ -142,16 +142,16 @@ def turned_out(leg: LegPose, side: int, radians_out: float) -> LegPose:
 
 
 def roll_cosine(to_hip: Vector, foot: float, reach: float) -> float:
-    """Return the cosine of the angle at the toe, between hip and ankle, that puts the ankle `reach` metres from the hip.
+    """Return the cosine of the angle at the toe between hip and ankle for which the ankle is `reach` metres from the hip.
 
-    The ankle is `foot` metres from the toe. No angle exists if the value is outside -1 to 1.
+    The ankle is `foot` metres from the toe. There is no such angle if the value is outside -1 to 1.
     """
     distance = length(to_hip)
     return (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
 
 
 def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
-    """Return the direction from toe to ankle at this cosine from the hip (see `roll_cosine`), on the side of `along`."""
+    """Return the direction from toe to ankle that has this cosine with that to the hip, on the side of `along`."""
     cosine = min(max(cosine, -1.0), 1.0)
     up = scale(to_hip, 1.0 / length(to_hip))
     side = unit(perpendicular(along, up))
@@ -159,7 +159,7 @@ def rolled(to_hip: Vector, along: Vector, cosine: float) -> Vector:
 
 
 def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
-    """Scalar twin of `runtime.feet.ik.soft_reach`."""
+    """Scalar version of `runtime.feet.ik.soft_reach`."""
     start = max((MAX_REACH - EASE_REACH_FRACTION) * leg_length, min(span, leg_length))
     room = max(MAX_REACH * leg_length - start, MIN_DIVISOR * leg_length)
     over = min(max(distance - start, 0.0), 2.0 * room)
@@ -173,12 +173,12 @@ def _bend(axis: Vector, knee: Vector, pole: Vector) -> Vector:
     return unit(add_scaled(bend, forward, lack) if lack > 0.0 else bend)
 
 
-# rad/s2, of the flexion; 6 degrees a frame squared are seen as a snap, captures stay below
-FASTEST_BEND = radians(4.5) * 3600
-STRAIGHT = radians(2.3)  # a straight knee: as far as it goes
-BRAKING = radians(2.5) * 3600  # rad/s2, with which it comes to what is requested
-STRAIGHTEST_HALF_LIFE_S = 2.0  # in which the flexion of a straighter stride is forgotten
-MAX_STRAIGHTEST = radians(25.0)
+# rad/s2, of the flexion; 6 degrees per frame squared is visible as a snap, captures stay below
+MAX_FLEXION_RAD_PER_S = radians(4.5) * 3600
+MIN_FLEXION_RAD = radians(2.3)  # flexion of a straight knee, the smallest allowed
+BRAKE_RAD_PER_S2 = radians(2.5) * 3600  # rad/s2, deceleration towards the requested flexion
+STRAIGHTEST_HALF_LIFE_S = 2.0  # half-life of the flexion of the straightest recent stride
+MAX_STRAIGHTEST_RAD = radians(25.0)
 
 
 @dataclass
@@ -188,7 +188,7 @@ class Knee:
     flexion: float | None = None
     speed: float = 0.0
     incoming: float = 0.0
-    straightest: float = field(default=0.0, metadata={"later": True})  # incoming flexion of the last strides
+    straightest: float = field(default=0.0, metadata={"later": True})  # of the straightest recent stride
 
     def follow(
         self,
@@ -202,7 +202,7 @@ class Knee:
     ) -> float:
         """Return the hip-ankle distance (metres) of this frame for the requested `target`; `leg` is the incoming leg.
 
-        The knee is bent by `least` (radians) at least, and a `free` foot's as far as the incoming leg is in its strides.
+        The knee is bent by at least `least` (radians), and that of a `free` foot at least as far as in the incoming strides.
         """
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         far, spans = dist(target, hip), dist(leg.ankle, leg.hip)
@@ -213,18 +213,20 @@ class Knee:
             return far
         forgotten = self.straightest + (1.0 - decay(STRAIGHTEST_HALF_LIFE_S)) * (incoming - self.straightest)
         self.straightest = min(incoming, forgotten)
-        wanted = max(wanted, least, min(self.straightest, MAX_STRAIGHTEST) if free else 0.0)
+        wanted = max(wanted, least, min(self.straightest, MAX_STRAIGHTEST_RAD) if free else 0.0)
         natural = (incoming - self.incoming) / dt
         missing = wanted - (self.flexion + natural * dt)
-        speed = natural + copysign(min(abs(missing) / dt, sqrt(2.0 * BRAKING * abs(missing))), missing)
-        speed = max(speed, -sqrt(2.0 * BRAKING * max(self.flexion - STRAIGHT, 0.0)))
-        change = min(max(speed - self.speed, -FASTEST_BEND * dt), FASTEST_BEND * dt)
+        speed = natural + copysign(
+            min(abs(missing) / dt, sqrt(2.0 * BRAKE_RAD_PER_S2 * abs(missing))), missing
+        )
+        speed = max(speed, -sqrt(2.0 * BRAKE_RAD_PER_S2 * max(self.flexion - MIN_FLEXION_RAD, 0.0)))
+        change = min(max(speed - self.speed, -MAX_FLEXION_RAD_PER_S * dt), MAX_FLEXION_RAD_PER_S * dt)
         self.incoming, self.speed = incoming, self.speed + change
         self.flexion = max(self.flexion + self.speed * dt, 0.0)
         return sqrt(max(thigh * thigh + shin * shin + 2.0 * thigh * shin * cos(self.flexion), MIN_DIVISOR))
 
     def bend_to(self, leg: LegPose, hip: Vector, ankle: Vector, bones: LegBones, dt: float) -> None:
-        """Update the knee's state after the ground made the leg shorter than requested."""
+        """Update the knee's state after the ground has shortened the leg beyond the request."""
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         flexion = _flexion(min(dist(ankle, hip), bones.length), thigh, shin)
         if flexion > (self.flexion or 0.0):
@@ -233,28 +235,28 @@ class Knee:
 
 
 def _flexion(reach: float, thigh: float, shin: float) -> float:
-    """Angle between the bones (0 straight) that spans `reach`."""
+    """Knee flexion (radians, 0 straight) at which the leg spans `reach`."""
     cosine = (reach * reach - thigh * thigh - shin * shin) / (2.0 * thigh * shin)
     return acos(min(max(cosine, -1.0), 1.0))
 
 
-TOE_LENGTH = 0.06  # m, from the toe joint to the tip
-HIGHEST_TIP_M = 0.055  # m that the tip may be raised over the joint: about 65 degrees
+TOE_LENGTH_M = 0.06  # m, from the toe joint to the tip
+MAX_TIP_RISE_M = 0.055  # how far the tip may be above the joint: about 65 degrees
 
 
 def bent(toe: Quaternion, foot: Quaternion, joint: Vector, ground: PointHeights, sink: float) -> Quaternion:
-    """Return the local rotation of toes bent by the ground; `toe` is the network's rotation, `foot` the foot's in the world.
+    """Return the local rotation of toes bent by the ground, from the network's `toe` and the foot's world rotation.
 
-    `joint` is the toe joint's position. The toes turn about their own cross axis, because their heading would flip
-    where they point straight down.
+    `joint` is the toe joint's position. The toes turn about their own lateral axis, because their heading would flip
+    when they point straight down.
     """
     world = multiply(foot, toe)
     ahead = rotate(world, (0.0, 0.0, 1.0))
-    tip = add_scaled(joint, ahead, TOE_LENGTH)
-    rise = min(ground.height(tip[0], tip[2]) + TOE_HEIGHT - sink - joint[1], HIGHEST_TIP_M) / TOE_LENGTH
+    tip = add_scaled(joint, ahead, TOE_LENGTH_M)
+    rise = min(ground.height(tip[0], tip[2]) + TOE_HEIGHT - sink - joint[1], MAX_TIP_RISE_M) / TOE_LENGTH_M
     if ahead[1] >= rise:
         return toe
-    # after a bend b the tip is raised by ahead_y cos b + up_y sin b
+    # bent by b, the tip is raised by ahead_y cos b + up_y sin b
     up = rotate(world, (0.0, 1.0, 0.0))
     most = hypot(ahead[1], up[1])
     bend = atan2(up[1], ahead[1]) - acos(max(min(rise / max(most, MIN_SIZE), 1.0), -1.0))

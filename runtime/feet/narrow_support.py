@@ -1,4 +1,4 @@
-"""Feet on a beam: on high, narrow ground feet are moved sideways onto its middle, around each other, and arms go out."""
+"""Walking on a beam: feet are moved sideways onto its middle and around each other, and the arms are held out."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from runtime.scalar_math import Vector, add, damp, dot, scale, subtract
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import PointHeights
 
-DROP_M = 0.12  # that the ground on both sides must be lower than a beam: less is a step, which a foot takes
-LEVEL_M = 0.06  # that the ground of a beam may differ across it
-BESIDE_M = 0.35  # on both sides of the hips the ground is low,
-ALONG_M = 0.2  # and before and behind them it is high: no hurdle, no step, no wall
-FARTHEST_M = 0.3  # that a foot is moved
-SCAN_M = 0.45  # to both sides
+DROP_M = 0.12  # the ground on both sides is lower than a beam by this; less is an ordinary step
+LEVEL_M = 0.06  # allowed height difference across a beam
+BESIDE_M = 0.35  # the ground is low this far to both sides of the hips,
+ALONG_M = 0.2  # and high this far ahead of and behind them, unlike at a hurdle, step or wall
+MAX_LEAD_M = 0.3  # sideways displacement of a foot
+SCAN_M = 0.45  # search range to both sides
 SPACING_M = 0.025
-INLINE_M = 0.02  # from the middle, to its own side, a foot is put down
-AROUND_M = 0.08  # farther out it passes the other foot,
-PASSES_M = 0.25  # while it is so near to it along the way
-LIFTED_M = 0.06  # and so high
+LANDING_OFFSET_M = 0.02  # distance from the middle, on its own side, at which a foot is put down
+PASSING_OFFSET_M = 0.08  # extra distance while it passes the other foot,
+PASSING_RANGE_M = 0.25  # within this distance along the path
+PASSING_HEIGHT_M = 0.06  # and at this height
 HALF_LIFE_S = 0.06
-PULL_PER_S, MAX_PULL_M_PER_S = 1.5, 0.3  # of the root's way to the middle; m/s
-MIN_HIPS_WIDTH_M = 1e-3  # seen from above, from which they have a side
-MIN_SQUARED_OFFSET = 1e-8  # m2 of a foot: less is none
+PULL_PER_S, MAX_PULL_M_PER_S = 1.5, 0.3  # velocity per metre from the middle; its limit
+MIN_HIPS_WIDTH_M = 1e-3  # seen from above; narrower hips have no left and right
+MIN_SQUARED_OFFSET = 1e-8  # m2, sideways offset of a foot; less is ignored
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
-ARMS_OUT_RAD = 0.5  # radians that the arms are held out,
-OUT_HALF_LIFE_S = 0.25  # in about twice so long
+ARMS_OUT_RAD = 0.5  # upper arms turned outwards
+ARMS_HALF_LIFE_S = 0.25  # to both directions
 LN_2_FACTOR = 0.693  # of an exponent, for a half-life
-MIN_OUT_FRACTION = 1e-3  # of that: less is not seen
+MIN_ARMS_OUT_FRACTION = 1e-3  # of `ARMS_OUT_RAD`; less is invisible
 
 
 def may_be_narrow(ground: PointHeights) -> bool:
-    """Return whether any slope of this ground drops as far as the side of a beam."""
+    """Return whether any slope of this ground is steep enough for the side of a beam."""
     return ground.steepest * BESIDE_M >= DROP_M
 
 
 def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeights) -> Vector | None:
-    """Return the unit vector to the character's left if it is on ground as narrow as a beam; None elsewhere."""
+    """Return the unit vector to the character's left if the ground is as narrow as a beam, else None."""
     across = subtract(legs[0].hip, legs[1].hip)
     size = sqrt(across[0] * across[0] + across[2] * across[2])
     if size < MIN_HIPS_WIDTH_M:
@@ -75,7 +75,7 @@ def to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | None
     if max(heights[0], heights[-1]) > top - DROP_M:
         return None
     way = 0.5 * (high[0] + high[-1])
-    return way if abs(way) <= FARTHEST_M else None
+    return way if abs(way) <= MAX_LEAD_M else None
 
 
 def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> tuple[float, float]:
@@ -113,16 +113,16 @@ class SidewaysLead:
         return leg._replace(toe=add(leg.toe, self.offset), ankle=add(leg.ankle, self.offset))
 
     def _lead(self, leg: LegPose, other: LegPose, side: Vector, ground: PointHeights) -> Vector:
-        """The way (m) that brings the foot's middle onto that of the beam, and around the other foot while it passes."""
+        """Displacement (m) that brings the foot over the middle of the beam, and around the other foot while it passes."""
         middle = scale(add(leg.toe, leg.ankle), 0.5)
         way = to_middle(middle, side, ground)
         if way is None:
             return NOTHING
         forward = (-side[2], 0.0, side[0])
-        near = 1.0 - (dot(forward, subtract(leg.ankle, other.ankle)) / PASSES_M) ** 2
-        lifted = (leg.ankle[1] - other.ankle[1]) / LIFTED_M
-        around = AROUND_M * max(near, 0.0) * min(max(lifted, 0.0), 1.0)
-        return scale(side, way + self.sign * (INLINE_M + around))
+        near = 1.0 - (dot(forward, subtract(leg.ankle, other.ankle)) / PASSING_RANGE_M) ** 2
+        lifted = (leg.ankle[1] - other.ankle[1]) / PASSING_HEIGHT_M
+        around = PASSING_OFFSET_M * max(near, 0.0) * min(max(lifted, 0.0), 1.0)
+        return scale(side, way + self.sign * (LANDING_OFFSET_M + around))
 
 
 @dataclass
@@ -133,12 +133,12 @@ class Balance:
 
     def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
         """Return local rotations `(31, 4)` with the upper arms turned out, easing in on a beam and out elsewhere."""
-        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-LN_2_FACTOR * dt / OUT_HALF_LIFE_S))
-        if self.fraction < MIN_OUT_FRACTION:
+        self.fraction += (float(on_beam) - self.fraction) * (1.0 - exp(-LN_2_FACTOR * dt / ARMS_HALF_LIFE_S))
+        if self.fraction < MIN_ARMS_OUT_FRACTION:
             self.fraction = 0.0
             return local
         result = np.array(local, np.float64)
-        # about the way ahead, as the chest faces
+        # about the facing direction of the chest
         angle = ARMS_OUT_RAD * self.fraction * np.array([1.0, -1.0])
         turn = rotations.from_axis_angle(np.tile([0.0, 0.0, 1.0], (2, 1)), angle)
         result[list(ARMS)] = rotations.multiply(turn, result[list(ARMS)])

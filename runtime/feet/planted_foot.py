@@ -1,4 +1,4 @@
-"""One foot of the foot lock: what holds it, where it stands, and how it clears the ground on its way."""
+"""One foot of the foot lock: its held point, its target, and its clearance in swing."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ from runtime.terrain.height_map import PointHeights
 ANCHORS = ("", "heel", "toe")
 NOWHERE: Vector = (0.0, 0.0, 0.0)
 LEGS = (leg_bones(0), leg_bones(1))
-HIGH_M = 0.1  # over the ground a foot next to a bar is still coming down
-MAX_STRAIN_BESIDE_STEP = 1.5  # times the usual strain, while the other foot makes a small step
-MIN_LEVEL_FOOT_M = 0.04  # from ankle to toe seen from above: less has no heading
-SOLE_REACH_M = 0.07  # from the middle of a sole to where the slope of its ground is read
-MIN_EDGE_AHEAD_M = 0.03  # higher than a foot stands, and steeper than a slope, ground ahead is an edge
-SEEN_AHEAD_FRACTIONS = (1.0, 0.75, 0.5, 0.25)  # of `look_ahead`, where the ground is looked at
-HEEL_STRIKE_FRACTION = 0.3  # of what is ahead that an ankle clears whose heel strikes first
-FALLING_FRACTION = 0.25  # of `look_ahead`, by which the fall or rise of a foot counts for what it clears
-CONTACT_HYSTERESIS_RATIO = 1.5  # times its bounds, for a point that was in contact
+LANDING_HEIGHT_M = 0.1  # foot height over the ground from which a foot near a bar is still landing
+MAX_STRAIN_BESIDE_STEP = 1.5  # limit of the strain while the other foot makes a small step
+MIN_LEVEL_FOOT_M = 0.04  # ankle to toe seen from above: a shorter distance has no heading
+SOLE_REACH_M = 0.07  # from the middle of the sole to the points where the ground's slope is read
+MIN_EDGE_AHEAD_M = 0.03  # height over a standing foot from which steep ground ahead is an edge
+SEEN_AHEAD_FRACTIONS = (1.0, 0.75, 0.5, 0.25)  # of `look_ahead`: where the ground is sampled
+HEEL_STRIKE_FRACTION = 0.3  # of the height ahead that the ankle clears in a heel strike
+FALLING_FRACTION = 0.25  # of `look_ahead`: time for which the foot's vertical speed is extrapolated
+CONTACT_HYSTERESIS_RATIO = 1.5  # factor on the thresholds of a point that was in contact
 
 
 @dataclass
@@ -53,7 +53,7 @@ class PlantedFoot:
     side: int  # 0 left, 1 right
     anchor: str = field(default="", metadata={"choices": ANCHORS})  # the point that is held
     point: tuple[float, float] = (0.0, 0.0)  # x, z of the held point
-    lowest: float = 0.0  # lowest height of the incoming point since it is held
+    lowest: float = 0.0  # lowest height of the incoming point while it is held
     refractory: float = 0.0  # s until it may be held again
     offset: Vector = NOWHERE
     offset_velocity: Vector = NOWHERE
@@ -73,8 +73,8 @@ class PlantedFoot:
     heel_down: bool = False
     heights: tuple[float, float] = (0.0, 0.0)  # incoming toe and ankle over their resting heights
     moved: float = 0.0  # m that the outgoing toe moved along the ground in the last frame
-    climb: float = 0.0  # m/s of the incoming toe over the ground
-    chances: tuple[float, float] = (0.0, 0.0)  # of contact, toe and heel
+    climb: float = 0.0  # m/s, vertical speed of the incoming toe relative to the ground
+    chances: tuple[float, float] = (0.0, 0.0)  # contact probabilities of toe and heel
     next_step: NextStep = field(default_factory=NextStep, metadata={"later": True})
 
     @property
@@ -127,9 +127,9 @@ class PlantedFoot:
         over: bool = False,
         last: bool = False,
     ) -> None:
-        """Lock, keep or release the held point; the toe has priority over the heel, so that the foot rolls over it.
+        """Hold, keep or release the anchor point; the toe has priority over the heel, so that the foot rolls over it.
 
-        A foot that is `over` an obstacle lands first. The `last` foot of a walk stays held until the other one is down.
+        A foot that is `over` an obstacle lands first. The `last` foot on the ground in a walk is held until the other lands.
         """
         anchor = self._point_down(last)
         if self.refractory > 0.0 or not anchor or (over and not self.anchor):
@@ -148,18 +148,18 @@ class PlantedFoot:
             self.anchor, self.refractory = "", SETTINGS.refractory
 
     def _point_down(self, last: bool) -> str:
-        """The point that can hold the foot, or ""; the `last` foot of a walk keeps the one it has."""
+        """The point that can hold the foot, or ""; the `last` foot on the ground keeps its present one."""
         if self.toe_down or self.heel_down:
             return "toe" if self.toe_down else "heel"
         return self.anchor if last else ""
 
     def _may_rise(self, k: int, last: bool) -> float:
-        """Metres that the held toe (0) or heel (1) may rise over its lowest place."""
+        """Metres that the held toe (0) or heel (1) may rise above its lowest height."""
         sure = last or self.chances[k] > SETTINGS.contact_on
         return SETTINGS.release_rise_sure if sure else SETTINGS.release_rise
 
     def _strained(self, incoming: Vector, hip: Vector, patience: float, most: float) -> bool:
-        """Whether the held point, whose joint comes in at `incoming`, must be given up: by its strain, or by how leg and hip stand."""
+        """Whether the held point, now at `incoming`, must be released because it is strained or because of the leg's posture."""
         s = SETTINGS
         away = sqrt((incoming[0] - self.point[0]) ** 2 + (incoming[2] - self.point[1]) ** 2)
         stretch = dist(self.ankle, hip) - self.bones.length
@@ -176,7 +176,7 @@ class PlantedFoot:
             0.0 if over.top > 0.0 else over.length
         )  # no foot stands on a bar, nor half over the far edge of a gap
         hangs = ankle < over.length + 0.5 * HEEL_M and toe > edge
-        high = self.toe[1] - ground.height(self.toe[0], self.toe[2]) > TOE_HEIGHT + HIGH_M
+        high = self.toe[1] - ground.height(self.toe[0], self.toe[2]) > TOE_HEIGHT + LANDING_HEIGHT_M
         return hangs or high
 
     def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:
@@ -224,7 +224,7 @@ class PlantedFoot:
         self.offset = offset
 
     def _lifted_first(self, target: Vector, leg: LegPose, ground: PointHeights, dt: float) -> Vector:
-        """Where a free toe goes on its way to `target`: it lifts before it travels, and rests before it is down."""
+        """Position of a free toe on its way to `target`: it lifts before it travels, and stops before it lands."""
         s = SETTINGS
         height = min(joint[1] - ground.height(joint[0], joint[2]) for joint in (self.toe, target))
         fraction = max(0.0, height - TOE_HEIGHT) / s.travel_height
@@ -232,7 +232,7 @@ class PlantedFoot:
         if fraction >= 1.0:
             if not has_edges(ground):
                 return target
-            # one that was held up before an edge comes back to it, faster and faster
+            # a toe that an edge held up catches up with increasing speed
             fastest = self.moved / dt + s.catch_up * dt
             part = min(1.0, fastest * dt / max(sqrt(x * x + z * z), MIN_DIVISOR))
             return (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
@@ -242,11 +242,11 @@ class PlantedFoot:
         part = min(fastest * dt / max(sqrt(x * x + z * z), MIN_DIVISOR), 1.0)
         there = (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
         if has_edges(ground) and ground.height(there[0], there[2]) + TOE_HEIGHT - target[1] > s.still_height:
-            return (self.toe[0], target[1], self.toe[2])  # it waits before a face that it does not clear yet
+            return (self.toe[0], target[1], self.toe[2])  # it waits before a riser that it does not clear yet
         return target if part >= 1.0 else there
 
     def _roll(self, leg: LegPose) -> None:
-        """Roll a trailing foot over its held toe until the leg spans what the incoming one does, as a walker does."""
+        """Roll a trailing foot over its held toe until the leg spans the incoming distance, as in human walking."""
         to_hip, to_ankle = subtract(leg.hip, self.toe), subtract(self.ankle, self.toe)
         foot = self.bones.foot_length
         lack = dist(self.ankle, leg.hip) - span(leg)
@@ -254,7 +254,7 @@ class PlantedFoot:
         fraction = min(max((ahead - SETTINGS.trailing) / SETTINGS.trailing, 0.0), 1.0)
         if lack == 0.0 or fraction == 0.0:
             return
-        # an incoming leg that goes deep into the ground would roll the ankle over the hip
+        # an incoming leg deep in the ground would roll the ankle above the hip
         beyond = max(-lack - SETTINGS.rolls_away, 0.0)
         wanted = span(leg) + (1.0 - fraction) * lack - fraction * beyond
         along = unit(to_ankle)
@@ -263,20 +263,20 @@ class PlantedFoot:
         self.ankle = add(self.toe, scale(turned, foot))
 
     def _settle(self, y: float, velocity: float, ground: float, incoming: float, dt: float) -> float:
-        """Height of a held point on its way to the ground's, or within what is unseen of it the incoming one."""
+        """Height of a held point, eased to the ground or to an unnoticeable distance of the incoming point from it."""
         s = SETTINGS
         rest = min(max(incoming, ground - s.unseen), ground + s.unseen)
         return damp(y, velocity, rest, s.settle_half_life + s.settle_slower * abs(y - rest), dt)[0]
 
     def _turn(self, leg: LegPose, ground: PointHeights, dt: float) -> None:
-        """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""
+        """Rotation of the foot: the incoming one, with its heading held and its sole flat while the whole sole is down."""
         s = SETTINGS
         ahead = rotate(leg.foot, self.bones.offsets[4])
         level = sqrt(ahead[0] * ahead[0] + ahead[2] * ahead[2]) > MIN_LEVEL_FOOT_M
         heading = atan2(ahead[0], ahead[2])
         whole = level and self._whole_sole_down(ahead)
         near = self.toe[1] - ground.height(self.toe[0], self.toe[2]) - TOE_HEIGHT < s.travel_height
-        if whole or (self.anchor == "heel" and near and level):  # toes that are nearly down would sweep
+        if whole or (self.anchor == "heel" and near and level):  # nearly landed toes would sweep
             self._hold_heading(heading, dt)
         else:
             self.held_yaw, self.twisted = None, False
@@ -291,13 +291,13 @@ class PlantedFoot:
         self.rotation = multiply(from_vector(self.tilt), rotation)
 
     def _whole_sole_down(self, ahead: Vector) -> bool:
-        """Whether toe and heel of a held foot are down, from ankle to toe `ahead` (m), and it is not on tiptoe."""
+        """Whether toe and heel of a held foot are both down, not on tiptoe; `ahead` (m) is the vector from ankle to toe."""
         heel_over_toe = -ahead[1] - (ANKLE_HEIGHT - TOE_HEIGHT)  # on level ground
         tiptoe = min(self.heights[1] - self.heights[0], heel_over_toe) > SETTINGS.still_height
         return bool(self.anchor) and self.toe_down and self.heel_down and not tiptoe
 
     def _hold_heading(self, heading: float, dt: float) -> None:
-        """Turn the foot from its incoming `heading` to the one it came down with, as far as a leg turns."""
+        """Turn the foot from its incoming `heading` towards the one at its landing, within the leg's range of rotation."""
         if self.held_yaw is None:
             self.held_yaw = heading + self.yaw
         turn = (self.held_yaw - heading + pi) % (2.0 * pi) - pi
@@ -323,7 +323,7 @@ class PlantedFoot:
         return heel if over_edge else under
 
     def _lift(self, leg: LegPose, drop: float, ground: PointHeights) -> float:
-        """Metres by which the swinging foot has to rise over its incoming height: ground below, edges ahead; `drop` is the hips'."""
+        """Metres that the swinging foot must rise above its incoming height: ground below, edges ahead; `drop` is the hips'."""
         s = SETTINGS
         lift = s.refractory_lift if self.refractory > 0.0 else 0.0
         vx, vy, vz = self.velocity
@@ -335,7 +335,7 @@ class PlantedFoot:
             points = ((self.toe, incoming[0]), (self.ankle, incoming[1]))
             lift = max(lift, self.next_step.lift(points, ground))
         heel_strikes = leg.toe[1] - leg.ankle[1] > TOE_HEIGHT - ANKLE_HEIGHT
-        # to what lies ahead a foot rises no nearer to the hip than a knee folds: over it, the knee would flip
+        # for edges ahead a foot rises only as far as the knee can fold: higher, the knee would flip
         room, under = max(leg.hip[1] - drop - s.folded - leg.ankle[1], 0.0), 0.0
         for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
             below = ahead = ground.height(joint[0], joint[2])
@@ -344,7 +344,7 @@ class PlantedFoot:
                 ahead = ground.height(joint[0] + time * vx, joint[2] + time * vz)
                 if ahead - below > MIN_EDGE_AHEAD_M + s.edge_slope * time * speed:
                     lift = max(lift, ahead + s.clearance - rest)
-            # a foot in swing slows down before it lands, and does not drag over the ground
+            # a swinging foot slows down before it lands, and does not drag over the ground
             free, clear = 1.0 - chance, moving * moving * s.swing_clearance
             if joint is self.toe:
                 free, clear = max(free, travels), toe_clears
@@ -357,9 +357,9 @@ class PlantedFoot:
         return max(min(lift, room), under)
 
     def _toe_travels(self, speed: float) -> tuple[float, float]:
-        """How surely (0..1) the shown toe is to travel, and the metres that it then keeps from the ground; `speed` is the incoming one's.
+        """Weight (0..1) of the shown toe travelling, and its clearance in metres; `speed` is the incoming toe's.
 
-        One that comes down or goes up steeply needs none: it does not travel far while it is near.
+        A steep path needs no clearance: the toe travels little while it is near the ground.
         """
         s = SETTINGS
         catching_up = sqrt(self.offset[0] ** 2 + self.offset[2] ** 2) / s.catch_up_seconds
@@ -379,7 +379,7 @@ class PlantedFoot:
         self.offset, self.offset_velocity = (x, y, z), (velocity_x, velocity_y, velocity_z)
 
     def _clear(self, ground: PointHeights) -> None:
-        """Raise toe and ankle out of the ground, turning the foot so that it keeps its length."""
+        """Raise toe and ankle out of the ground; the foot turns so that it keeps its length."""
         s = SETTINGS
         toe_floor = ground.height(self.toe[0], self.toe[2]) + TOE_HEIGHT - s.sink
         ankle_floor = ground.height(self.ankle[0], self.ankle[2]) + ANKLE_HEIGHT - s.sink
@@ -395,7 +395,7 @@ class PlantedFoot:
             toe = add(ankle, sole)
         else:
             ankle = subtract(toe, sole)
-        # the turn has moved one end sideways, perhaps over an edge: what is still missing lifts the foot as it is
+        # the rotation moved one end sideways, perhaps over an edge: lift the whole foot by the remaining depth
         missing = max(0.0, depth_in_ground(toe, ankle, ground))
         self.toe = (toe[0], toe[1] + missing, toe[2])
         self.ankle = (ankle[0], ankle[1] + missing, ankle[2])
@@ -419,7 +419,7 @@ class PlantedFoot:
 
 
 def _soft_positive(x: float, width: float) -> float:
-    """max(x, 0), rounded off over +- `width`."""
+    """max(x, 0), smoothed within +- `width`."""
     if abs(x) >= width:
         return max(x, 0.0)
     return (x + width) * (x + width) / (4.0 * width)

@@ -1,4 +1,4 @@
-"""How far a leg reaches: where its foot stands instead of where the ground asks for it."""
+"""Leg reach: the position of a foot that its leg cannot put where the ground asks for it."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from runtime.scalar_math import (
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights
 
-MOST_ROLL_RAD = 0.6  # of a foot whose knee cannot follow
-SOLE_FIRST_FRACTION = 0.3  # of the direction of its sole, in that of its ankle
-REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
+MAX_ROLL_RAD = 0.6  # limit of the foot roll when the knee cannot follow
+SOLE_FIRST_FRACTION = 0.3  # of the sole's direction, blended into the ankle's
+REACH_TRIALS = 4  # iterations of raising a foot out of reach; usually one suffices
 
 
 class SpannedFoot(NamedTuple):
@@ -39,7 +39,7 @@ class SpannedFoot(NamedTuple):
     toe: Vector
     ankle: Vector
     rotation: Quaternion  # in the world
-    depth: float  # m that it is too deep in the ground
+    depth: float  # m, depth in the ground
 
     def lifted(self, joint: Vector) -> Vector:
         """Return the position of `joint`, lifted out of the ground."""
@@ -85,17 +85,17 @@ def spanned_foot(
 def _rolled_a_little(
     bones: LegBones, hip: Vector, toe: Vector, foot: tuple[Vector, Vector], reach: float
 ) -> tuple[Vector, Vector, Vector]:
-    """Toe, ankle and the direction from one to the other: rolled by at most `MOST_ROLL_RAD`, the rest is slid.
+    """Return toe, ankle and the direction between them: rolled by at most `MAX_ROLL_RAD`, then slid.
 
-    A foot on a bar whose knee bends no faster would turn over its toe, and back in the next frame. `foot` is where its
-    ankle is from the toe, and where its sole faces: on tiptoe under the hip it rolls back onto its sole.
+    On a bar, a foot whose knee is at its speed limit would turn over its toe, and back in the next frame. `foot` is the
+    vector from toe to ankle, and the direction of the sole: on tiptoe under the hip it rolls back onto its sole.
     """
     to_hip, (along, sole_down) = subtract(hip, toe), foot
     back = add_scaled(along, sole_down, SOLE_FIRST_FRACTION)
     turned = rolled(to_hip, back, roll_cosine(to_hip, bones.foot_length, reach))
-    if dot(along, turned) < cos(MOST_ROLL_RAD):
+    if dot(along, turned) < cos(MAX_ROLL_RAD):
         aside = unit(perpendicular(turned, along))
-        turned = add_scaled(scale(along, cos(MOST_ROLL_RAD)), aside, sin(MOST_ROLL_RAD))
+        turned = add_scaled(scale(along, cos(MAX_ROLL_RAD)), aside, sin(MAX_ROLL_RAD))
     from_hip = subtract(add_scaled(toe, turned, bones.foot_length), hip)
     ankle = add_scaled(hip, from_hip, reach / max(length(from_hip), 1e-6))
     return add_scaled(ankle, turned, -bones.foot_length), ankle, turned
@@ -116,5 +116,5 @@ def ankle_target(
         missing = depth_in_ground(toe, reached, ground)
         if missing <= 0.0:
             break
-        target = (target[0], target[1] + 2.0 * missing, target[2])  # twice: the reach takes a part of it
+        target = (target[0], target[1] + 2.0 * missing, target[2])  # twice: the reach takes up a part
     return target

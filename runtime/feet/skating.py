@@ -1,4 +1,4 @@
-"""Feet against the ground: heights over a terrain, contacts, and the paper's foot skating (Sec. IV-B)."""
+"""Feet relative to the ground: heights over a terrain, contacts, and the paper's foot skating (Sec. IV-B)."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 
 TOES = (5, 10)
-HEELS = (4, 9)  # the ankle joints, over the heels
+HEELS = (4, 9)  # the ankle joints, which are above the heels
 SOLE_POINTS = (4, 5, 9, 10)
-# of SOLE_POINTS on a foot that stands flat
+# resting heights of SOLE_POINTS on a flat foot
 SOLE_HEIGHTS = ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT
 SKATING_HEIGHT_M = 0.025  # H
-# of a sole that bears: its speed, and its height over its lowest places,
-STANDING_M_PER_S = 0.25
-STANDING_M = 0.04
-RESTING_FRACTION = 0.05  # in this fraction of the frames
+# thresholds of a loaded sole: its speed, and its height over its lowest positions,
+MAX_STANDING_SPEED_M_PER_S = 0.25
+MAX_STANDING_HEIGHT_M = 0.04
+RESTING_FRACTION = 0.05  # which it has in this fraction of the frames
 CM_PER_M = 100.0
 
 
@@ -30,15 +30,15 @@ def joint_heights(positions: Array, terrain: Terrain, joints: Sequence[int] = TO
 
 
 def measured_contacts(positions: Array, fps: float, terrain: Terrain | None) -> Array:
-    """Return contacts `(T, 4)`, 0 or 1, measured from world positions `(T, 31, 3)`: soles that are slow and low over the terrain.
+    """Return contacts `(T, 4)`, 0 or 1, measured from world positions `(T, 31, 3)`: soles that are slow and close to the terrain.
 
-    Low is relative to each sole's own resting height, so the ground may have any level; None is level ground.
+    Heights are relative to each sole's own resting height, so the ground may have any level; None is level ground.
     """
     feet = positions[:, list(SOLE_POINTS)].astype(np.float64)
     step = np.gradient(feet, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     above = feet[..., 1] if terrain is None else joint_heights(positions, terrain, SOLE_POINTS)
-    low = above - np.quantile(above, RESTING_FRACTION, axis=0) < STANDING_M
-    return (low & (np.linalg.norm(step, axis=-1) * fps < STANDING_M_PER_S)).astype(np.float32)
+    low = above - np.quantile(above, RESTING_FRACTION, axis=0) < MAX_STANDING_HEIGHT_M
+    return (low & (np.linalg.norm(step, axis=-1) * fps < MAX_STANDING_SPEED_M_PER_S)).astype(np.float32)
 
 
 def skating(

@@ -1,1 +1,1 @@
-"""File formats of a take: what is read and what is written."""
+"""File formats of a take: readers and writers."""

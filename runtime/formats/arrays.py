@@ -18,7 +18,7 @@ from runtime.formats.sidecar import CONTACTS, FEET, foot_phases, markers
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 
-# a spreadsheet computes a cell that begins so; a ' before it is text
+# a spreadsheet evaluates cells that begin with these; a ' before makes it text
 FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 ROWS = 1024  # of a table that are in memory at once
 ALL = slice(None)
@@ -83,7 +83,7 @@ def save_parquet(take: PreparedTake, path: Path, options: object, terrain: objec
     frame = pandas.DataFrame({name: values.astype(np.float32) for name, values in columns.items()})
     frame["gait"], frame["prompt"] = gaits, prompts
     frame.attrs = {"fps": take.clip.fps, "name": take.clip.name}
-    # Arrow takes no name that is not UTF-8
+    # Arrow requires UTF-8 names
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         frame.to_parquet(file, index=False)
         check()

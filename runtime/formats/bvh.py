@@ -25,12 +25,12 @@ MAX_FRAMES = 2_000_000
 MAX_JOINT_FRAMES = 14_000_000  # of 28 bytes each: an hour of 31 joints at 120 Hz
 MAX_VALUE = 1e9  # of a length in the file's unit, or an angle in degrees
 NO_OFFSETS: dict[int, Array] = {}
-MOVING_ORDER, JOINT_ORDER = "YXZ", "ZYX"  # of rotations: the heading first where it may be any
-_CHUNK_BYTES = 1 << 20  # of numbers that are read at once
-_WRITTEN_FRAMES = 4096  # that are formatted at once
-_BRACES = re.compile(r"((?<!\S)[{}](?!\S)|[{}](?=[\s{}]*$))")  # that stand alone, or end a line
+MOVING_ORDER, JOINT_ORDER = "YXZ", "ZYX"  # heading first where a joint may face anywhere
+_CHUNK_BYTES = 1 << 20  # bytes of numbers parsed at once
+_WRITTEN_FRAMES = 4096  # frames formatted at once
+_BRACES = re.compile(r"((?<!\S)[{}](?!\S)|[{}](?=[\s{}]*$))")  # standing alone, or at the end of a line
 _MOTION = re.compile(rb"(?i)(?<![^\s}])MOTION(?!\S)")
-# the seconds of a frame are a number or a fraction
+# frame time, as a number or a fraction
 _FRAMES = re.compile(
     rb"(?i)\s*Frames\s*:\s*(-?\d+)\s+Frame\s*Time\s*:\s*([\d.,eE+-]+)(?:\s*/\s*([\d.,]+))?[ \t]*(?=\s|$)"
 )
@@ -51,9 +51,9 @@ class BvhMotion:
     local_rotations: Array
     frame_seconds: float
     end_offsets: dict[int, Array]
-    note: str = ""  # what a person should know of how it was read
-    metadata: Any = None  # what the file itself tells of its take, as it stands there
-    animations: tuple[str, ...] = ()  # that the file has, where there are several
+    note: str = ""  # how it was read, for the user
+    metadata: Any = None  # the take's metadata within the file, unparsed
+    animations: tuple[str, ...] = ()  # names, if the file has several
 
     @property
     def fps(self) -> float:
@@ -128,7 +128,7 @@ class _Hierarchy:
     def _error(self, problem: str) -> FileError:
         return FileError(f"{self._name}, line {self._line}: {problem}.", _REMEDY)
 
-    # what a keyword says with the tokens after it on its line; how many they are, 0 where they cannot be
+    # per keyword: its handler with the line's tokens, and their number; 0 if it varies
     def _joint(self, tokens: list[str]) -> int:
         if len(self.names) >= MAX_JOINTS:
             raise FileError(f"{self._name}: more than {MAX_JOINTS} joints.", _REMEDY)
@@ -172,18 +172,18 @@ class _Hierarchy:
         if tokens[1:2] != [str(len(channels))]:
             raise self._error("CHANNELS count or names are wrong")
         if len(set(channels)) != len(channels):
-            raise self._error("a channel stands twice in CHANNELS")
+            raise self._error("a channel occurs twice in CHANNELS")
         self.channels[-1] = channels
         return 2 + len(channels)
 
 
 def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
-    """The motion whose section begins at `at`: a block of frames at a time, so that no text of it is held twice."""
+    """Parse the motion whose section begins at `at` in blocks of frames, so that its text is not held twice."""
     count, frame_seconds, at = _parse_frames(data, at, name)
     width = sum(map(len, h.channels))
     if width == 0:
         raise FileError(f"{name}: no joint has channels.", _REMEDY)
-    # a value takes at least a digit and the space before the next
+    # a value takes at least a digit and a space
     rows = max(min(count, (len(data) - at + 1) // 2 // width), 1)
     motion, found = _read_rows(h, data, at, name, rows, frame_seconds)
     if found == count * width:
@@ -194,14 +194,14 @@ def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
         raise FileError(f"{name}: too few MOTION values for a frame of {width} channels.", _REMEDY)
     if rows != len(motion.positions):
         motion, _ = _read_rows(h, data, at, name, rows, frame_seconds)
-    cut = " and a part of one, which is left out" if rest else ""
+    cut = " and a partial one, which is ignored" if rest else ""
     return replace(motion, note=f"{name}: the file says {str(count)[:20]} frames and has {rows}{cut}.")
 
 
 def _read_rows(
     h: _Hierarchy, data: bytes, at: int, name: str, rows: int, frame_seconds: float
 ) -> tuple[BvhMotion, int]:
-    """The motion of so many frames, and how many values there are in all; FileError when they are too many."""
+    """Parse `rows` frames; also return the total number of values. FileError if there are too many."""
     if rows > MAX_FRAMES or rows * len(h.names) > MAX_JOINT_FRAMES:
         problem = f"{rows} frames x {len(h.names)} joints; expected at most {MAX_JOINT_FRAMES}"
         raise FileError(f"{name}: {problem}.", "Split the clip.")
@@ -233,12 +233,12 @@ def _uneven_end(data: bytes, at: int, width: int, name: str) -> bool:
 
 
 def _line_of(data: bytes, at: int) -> int:
-    """The number of the line of a place in the file."""
+    """Return the line number of an offset in the file."""
     return data.count(b"\n", 0, at) + 1
 
 
 def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
-    """The number of frames, the seconds of one, and where their values begin."""
+    """Return the number of frames, the frame time, and the offset of their values."""
     head = _FRAMES.match(data[at : at + 1000])
     try:
         if head is None:
@@ -258,7 +258,7 @@ def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
 
 
 def _number_blocks(data: bytes, at: int, name: str) -> Iterator[NDArray[np.float64]]:
-    """The numbers from `at` on in blocks of some MB; FileError names the line of one that is none, not finite or too large."""
+    """Yield the numbers from `at` on in blocks of some MB; FileError names the line of an invalid, infinite or too large one."""
     while at < len(data):
         end = min(at + _CHUNK_BYTES, len(data))
         if end < len(data):
@@ -276,7 +276,7 @@ def _number_blocks(data: bytes, at: int, name: str) -> Iterator[NDArray[np.float
 
 
 def _unreadable(data: bytes, at: int, end: int, name: str) -> FileError:
-    """The error that names the first value of a block that is none."""
+    """Return the error that names the first invalid value of a block."""
     for match in re.finditer(rb"\S+", data[at:end]):
         try:
             if not abs(float(match[0].replace(b",", b"."))) <= MAX_VALUE:
@@ -325,7 +325,7 @@ def format_bvh(
     orders = [order or (MOVING_ORDER if j in places else JOINT_ORDER) for j in range(len(skeleton))]
     lines, joints = _hierarchy(skeleton, units_per_metre, orders, end_offsets, places)
     lines += ["MOTION", f"Frames: {len(local_rotations)}", f"Frame Time: {1.0 / fps:.10f}", ""]
-    before: Array = np.zeros((0, len(joints), 3))  # the angles from which the next block goes on
+    before: Array = np.zeros((0, len(joints), 3))  # angles that the next block continues
     blocks = ["\n".join(lines)]
     for first in range(0, len(local_rotations), _WRITTEN_FRAMES):
         rows = slice(first, first + _WRITTEN_FRAMES)
@@ -334,7 +334,7 @@ def format_bvh(
         angles = rotations.continuous_euler(np.concatenate([before, angles]))
         angles, before = angles[-len(local) :], angles[-1:]
         columns: list[Array] = []
-        for k, j in enumerate(joints):  # the place of a joint that has one, then its angles
+        for k, j in enumerate(joints):  # position channels, if any, then angles
             columns += [places[j][rows] * units_per_metre] if j in places else []
             columns.append(np.rad2deg(angles[:, k]))
         for row in np.concatenate(columns, axis=1).tolist():
@@ -345,7 +345,7 @@ def format_bvh(
 def _hierarchy(
     skeleton: Skeleton, scale: float, orders: list[str], end_offsets: dict[int, Array], moving: Container[int]
 ) -> tuple[list[str], list[int]]:
-    """The lines of the hierarchy, and the joints in their order."""
+    """Return the lines of the hierarchy, and the joints in order."""
     lines, joints = ["HIERARCHY"], []
 
     def offset(values: Array, pad: str) -> str:

@@ -1,4 +1,4 @@
-"""A take as BVH of the 31-joint skeleton: written with the JSON next to it, and read back."""
+"""A take as BVH of the 31-joint skeleton: written with metadata in JSON next to it, and read back."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.root import RootTrack
 
 ROOT = "Root"
-MAX_OFF_PLACE_M = 0.01  # of a joint at rest, by which a skeleton is still ours
+MAX_OFF_PLACE_M = 0.01  # tolerance of a rest joint's position, within which it is our skeleton
 _OWN_BVH = "Open a BVH that this program has written."
-# where the bones without a child end, metres; readers draw and measure leaf bones by it
+# ends of leaf bones, metres, by which readers draw and measure them
 _ENDS_M = {
     "LeftToeBase": (0.0, 0.0, 0.06), "LeftHandIndex1": (0.04, 0.0, 0.0), "LThumb": (0.03, 0.0, 0.03),
     "RightToeBase": (0.0, 0.0, 0.06), "RightHandIndex1": (-0.04, 0.0, 0.0), "RThumb": (-0.03, 0.0, 0.03),
@@ -40,7 +40,7 @@ class OtherSkeleton(FileError):
 
 def check_bvh_length(seconds: float, fps: float) -> None:
     """Raise UsageError if a clip of `seconds` at `fps` is too long for `load_clip_bvh`."""
-    frames = min(seconds * fps, 1e12)  # what is not finite is refused by those who make a clip
+    frames = min(seconds * fps, 1e12)  # infinite lengths are refused when a clip is made
     check_size(J, math.ceil(frames) if frames >= 0.0 else 0, f"{seconds:g} s at {fps:g} frames per second")
 
 
@@ -87,7 +87,7 @@ def _write(clip: Clip, path: Path, text: str, new: bool = False) -> Path:
 
 
 def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = None) -> str:
-    """The BVH text; a `root` is one more joint, on the ground above the hips."""
+    """Return the BVH text; `root` adds a joint on the ground above the hips."""
     skeleton, local, above = SPORT_SKELETON, clip.local_rotations, 0
     places = {0: clip.hips_positions}
     if root is not None:
@@ -140,7 +140,7 @@ def nearest_unit(metres_per_unit: float) -> str:
 
 def _joint_order(motion: BvhMotion, path: Path) -> list[int]:
     """Return the index in the file of each joint of the SPORT skeleton; FileError names missing joints."""
-    for bones in [{}, *(engine.bones for engine in ENGINES.values())]:  # of our own files for an engine
+    for bones in [{}, *(engine.bones for engine in ENGINES.values())]:  # our own files for an engine
         ours = {bone: name for name, bone in bones.items()}
         names = [ours.get(name, name) for name in motion.skeleton.names]
         if set(SPORT_SKELETON.names).issubset(names):
@@ -151,7 +151,7 @@ def _joint_order(motion: BvhMotion, path: Path) -> list[int]:
 
 
 def _in_world(motion: BvhMotion, order: list[int], path: Path) -> tuple[Array, Array]:
-    """Hips `(T, 3)` in the file's unit and local rotations `(T, 31, 4)`, the hips turned and moved by a root above."""
+    """Return hips `(T, 3)` in the file's unit and local rotations `(T, 31, 4)`, with the transform of a root joint applied."""
     hips, local = motion.positions[:, order[0]], motion.local_rotations
     if order != list(range(len(motion.skeleton))):
         local = local[:, order]
@@ -167,7 +167,7 @@ def _in_world(motion: BvhMotion, order: list[int], path: Path) -> tuple[Array, A
 
 
 def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
-    """Scale of a file whose rest pose is the SPORT skeleton's but for its unit."""
+    """Return the scale of a file whose rest pose differs from the SPORT skeleton's in its unit only."""
     for name, j, ours in zip(SPORT_SKELETON.names, order, SPORT_SKELETON.parents, strict=True):
         if ours >= 0 and motion.skeleton.parents[j] != order[ours]:
             problem = f"{path}: joint {name} is not a child of {SPORT_SKELETON.names[ours]}."
@@ -183,7 +183,7 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
         joint, away_cm = SPORT_SKELETON.names[worst], 100.0 * difference[worst]
         problem = f"{path}: joint {joint} rests {away_cm:.0f} cm from its place in the SPORT skeleton."
         raise OtherSkeleton(problem, _OWN_BVH)
-    for unit in UNITS_PER_METRE.values():  # offsets are rounded in the file, the unit is not
+    for unit in UNITS_PER_METRE.values():  # the file rounds offsets, but not the unit
         if abs(scale * unit - 1.0) < 1e-3:
             return 1.0 / unit
     return scale

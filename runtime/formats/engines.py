@@ -1,4 +1,4 @@
-"""What the programs that a take goes to expect of a file: unit, root joint, and names of a humanoid's bones."""
+"""Conventions of the target programs: unit, root joint, and humanoid bone names."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class Engine:
     name: str
     fbx_unit: str  # "cm" or "m"
     ground_root: bool
-    bones: Mapping[str, str]  # of SPORT joints; `Root` is the joint on the ground
+    bones: Mapping[str, str]  # by SPORT joint; `Root` is the joint on the ground
 
 
 def _sided(names: Mapping[str, str], left: str, right: str) -> dict[str, str]:
-    """Names of both sides; `{}` stands for the side in ours ("Left") and in theirs."""
+    """Return the names of both sides; `{}` stands for the side, in ours ("Left") and in theirs."""
     sided = {}
     for ours, theirs in names.items():
         for our_side, their_side in (("Left", left), ("Right", right)):

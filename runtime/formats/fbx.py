@@ -1,6 +1,6 @@
-"""A take as binary FBX: the document of `runtime.formats.glb` written again, object by object.
+"""A take as binary FBX, converted object by object from the document of `runtime.formats.glb`.
 
-Joints are limbs whose rest rotation is their PreRotation; every frame is a key, and every take a stack.
+Joints are limbs with their rest rotation as PreRotation; every frame is a key, and every take a stack.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from runtime.character.read import STRUCTURE_ERRORS, Entry, GltfFile
 from runtime.errors import FileError
 from runtime.formats.engines import engine_of
 from runtime.formats.fbx_mesh import Meshes, Skin
-from runtime.formats.fbx_nodes import TICKS, ZERO, Document, Node, leaves, matrix, prop, properties
+from runtime.formats.fbx_nodes import TICKS_PER_S, ZERO, Document, Node, leaves, matrix, prop, properties
 from runtime.formats.glb import further_takes, glb_document
 from runtime.formats.glb_skeleton import rotation_and_scale
 from runtime.formats.options import UNITS_PER_METRE, ExportOptions
@@ -28,8 +28,8 @@ from runtime.formats.prepare import Check, PreparedTake, go_on
 from runtime.safe_read import reason
 from runtime.terrain.height_map import Terrain
 
-LEVEL_DEG = 1e-6  # a joint that is turned by less at rest has no PreRotation
-LINEAR = 24836  # flags of keys that are joined by lines
+LEVEL_DEG = 1e-6  # a joint with a smaller rest rotation has no PreRotation
+LINEAR_KEY_FLAGS = 24836  # flags of linear keys
 KEY_VERSION = 4008
 
 
@@ -49,7 +49,7 @@ def save_fbx(
 
 
 class _Scene:
-    """A file of a take, and the FBX that it becomes, with so many units in a metre."""
+    """A take's glTF document and the FBX made from it, at a number of units per metre."""
 
     def __init__(self, file: GltfFile, units: float) -> None:
         self.file, self.units, self.document = file, units, Document()
@@ -58,10 +58,10 @@ class _Scene:
         shown = nodes.nearest(set(file.gltf.scenes[0].nodes))
         self.order = [node for node in nodes.order if shown[node] >= 0]
         for node in self.order:
-            if file.gltf.nodes[node].skin is not None:  # carried by its joints alone
+            if file.gltf.nodes[node].skin is not None:  # its skin alone determines its place
                 self.world[node], self.parents[node] = np.eye(4), shown[node] if shown[node] != node else -1
         self.world[:, :3, 3] *= units
-        self.turns: dict[int, Array] = {}  # of joints at rest
+        self.turns: dict[int, Array] = {}  # rest rotations of joints
         self.ids: dict[int, np.int64] = {}
         self.binds = {node: self.world[node] for node in self.order}
 
@@ -87,7 +87,7 @@ class _Scene:
             self._add_take(take, fps, check)
 
     def _add_model(self, node: int, entry: Entry) -> None:
-        """Add a node: a limb, a mesh, or one that only carries others."""
+        """Add a node: a limb, a mesh, or a group."""
         above, name = self.parents[node], entry.name or f"node_{node}"
         kind = "LimbNode" if node in self.joints else "Null" if entry.mesh is None else "Mesh"
         facts = self._placed(node)
@@ -100,7 +100,7 @@ class _Scene:
             self.document.add("NodeAttribute", name, kind, flags, self.ids[node])
 
     def _placed(self, node: int) -> list[Node]:
-        """The properties of a node's place below the one above it; a joint's rotation there is none."""
+        """Return the properties of a node's transform relative to its parent; without a joint's rotation."""
         above = self.parents[node]
         local = self.world[node] if above < 0 else np.linalg.inv(self.world[above]) @ self.world[node]
         turn, scale = rotation_and_scale(local)
@@ -115,7 +115,7 @@ class _Scene:
         return facts
 
     def _skin(self, index: int) -> Skin:
-        """A skin with its mesh where the first joint has it at rest."""
+        """Return a skin with its mesh's transform at the rest pose of the first joint."""
         joints, inverse = skin_joints(self.file, index)
         unit = np.diag([self.units] * 3 + [1.0])
         binds = unit @ inverse[: len(joints)].astype(np.float64)
@@ -126,11 +126,11 @@ class _Scene:
         return Skin(place, links, [self.ids[joint] for joint in joints], names)
 
     def _add_take(self, take: Entry, fps: float, check: Check) -> None:
-        """Add an animation: a curve for each axis of what moves, with a key in every frame."""
+        """Add an animation: a curve for each animated axis, with a key in every frame."""
         count = self.file.count(take.samplers[0].input)
-        times = np.round(np.arange(count) * (TICKS / fps)).astype(np.int64)
+        times = np.round(np.arange(count) * (TICKS_PER_S / fps)).astype(np.int64)
         layer = self.document.add_take(take.name, times[-1], _note(take))
-        alike = leaves(KeyVer=KEY_VERSION, KeyTime=times, KeyAttrFlags=np.array([LINEAR], np.int32),
+        alike = leaves(KeyVer=KEY_VERSION, KeyTime=times, KeyAttrFlags=np.array([LINEAR_KEY_FLAGS], np.int32),
                        KeyAttrDataFloat=np.zeros(4, np.float32), KeyAttrRefCount=np.array([count], np.int32))  # fmt: skip
         for channel in take.channels:
             check()
@@ -156,5 +156,5 @@ def _note(entry: Entry) -> str:
 
 
 def _degrees(turns: Array) -> Array:
-    """Angles `(T, 3)` about x, y and z, one after the other, without jumps."""
+    """Return continuous angles `(T, 3)` about x, then y, then z."""
     return np.rad2deg(rotations.continuous_euler(rotations.to_euler(turns, "ZYX")))[:, ::-1]

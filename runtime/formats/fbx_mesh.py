@@ -1,4 +1,4 @@
-"""The meshes of an FBX: triangles with their layers, skin and shapes, and materials with their images inside the file."""
+"""The meshes of an FBX: triangles with layers, skin and morph targets, and materials with embedded images."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from runtime.character.read import Entry, GltfFile
 from runtime.character.textures import srgb
 from runtime.formats.fbx_nodes import Document, Node, leaves, matrix, prop, properties
 
-MAX_COLORS = 16  # of vertices: so few are materials of their own, since most programs do not show them
-SAME_COLOR_DISTANCE = 0.06  # of sRGB: colours that near are one of them
+MAX_COLORS = 16  # as many vertex colours become materials, since most programs do not show vertex colours
+SAME_COLOR_DISTANCE = 0.06  # in sRGB, within which colours are merged
 MAX_SHADES = 256
-CLAMP = 33071  # of a sampler: an image is not repeated
+EDGE_CLAMP = 33071  # of a sampler: clamp to edge
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Skin:
 
 
 class _Layer(NamedTuple):
-    """Values of the vertices, corners or faces of a mesh: the name of a kind of layer, its number, title and arrays."""
+    """One kind of values of a mesh's vertices, corners or faces: layer name, number, title and arrays."""
 
     kind: str
     number: int
@@ -72,7 +72,7 @@ class Meshes:
         self._add_shapes(entry, parts, place, geometry)
 
     def _slots(self, parts: _Parts) -> tuple[list[np.int64], AnyArray]:
-        """Ids of the materials of a mesh, and for each face the place of its material among them."""
+        """Return ids of the materials of a mesh, and for each face the index of its material."""
         slots: dict[np.int64, int] = {}
         faces = []
         for part in parts:
@@ -83,7 +83,7 @@ class Meshes:
         return list(slots), np.concatenate(faces)
 
     def _add_skin(self, parts: _Parts, skin: Skin, geometry: np.int64) -> None:
-        """Which joint carries which vertices, and how much."""
+        """Add the joint weights of vertices."""
         joints = parts.joined(_Part.influences, "JOINTS", len(skin.ids)).astype(np.int64)
         weights = parts.joined(_Part.influences, "WEIGHTS", len(skin.ids))
         count, used = len(joints), weights > 0.0
@@ -102,7 +102,7 @@ class Meshes:
             self.document.connect(joint, cluster)
 
     def _add_shapes(self, entry: Entry, parts: _Parts, place: Array, geometry: np.int64) -> None:
-        """The morph targets of a mesh, by the offsets of its vertices."""
+        """Add the morph targets of a mesh, as vertex offsets."""
         count = max(len(part.targets) for part in parts)
         if not count:
             return
@@ -123,9 +123,9 @@ class Meshes:
 
 
 class _Part:
-    """A primitive: the rows of its accessors that it uses, and its corners among them.
+    """A primitive: the rows it uses of its accessors, and its corners as indices into them.
 
-    `palette` has its colours where they are few and no texture gives others, and `shades` which of them a face has.
+    `palette` has its colours if they are few and there is no texture, `shades` the index of each face's colour.
     """
 
     def __init__(self, file: GltfFile, primitive: Entry) -> None:
@@ -190,7 +190,7 @@ class _Part:
 
 
 def _palette(colors: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """The colours `(n, 3)` of vertices without those that look like a more frequent one, and which of them each has."""
+    """Return the vertex colours `(n, 3)` with rare ones merged into similar frequent ones, and each vertex's index."""
     exact, which, counts = np.unique(colors.round(4), axis=0, return_inverse=True, return_counts=True)
     if len(exact) > MAX_SHADES:
         return exact, which.ravel()
@@ -203,7 +203,7 @@ def _palette(colors: AnyArray) -> tuple[AnyArray, AnyArray]:
 
 
 class _Parts(list[_Part]):
-    """The primitives of a mesh, whose vertices follow one another."""
+    """The primitives of a mesh, with consecutive vertices."""
 
     def joined(self, values: Callable[..., AnyArray], *given: Any) -> AnyArray:
         """Return the results of a `_Part` method for all parts, concatenated."""
@@ -217,14 +217,14 @@ class _Parts(list[_Part]):
 
 
 def _geometry(parts: _Parts, place: Array, faces: AnyArray) -> list[Node]:
-    """Vertices, polygons and layers of a mesh, of which `faces` have the materials."""
+    """Return vertices, polygons and layers of a mesh; `faces` have the material indices."""
     points = np.concatenate([part.points for part in parts]) @ place[:3, :3].T + place[:3, 3]
     corners = parts.corners()
-    polygons = corners.reshape(-1, 3) ^ np.array([0, 0, -1], np.int32)  # the last of a face is inverted
+    polygons = corners.reshape(-1, 3) ^ np.array([0, 0, -1], np.int32)  # the last index of a face is inverted
     layers = [*_layers(parts, corners, place), _Layer("Material", 0, "", {"Materials": faces})]
     content = leaves(GeometryVersion=124, Vertices=points.ravel(), PolygonVertexIndex=polygons.ravel())
     content += [layer.node() for layer in layers]
-    for number in range(max(layer.number for layer in layers) + 1):  # all first layers go together, and so on
+    for number in range(max(layer.number for layer in layers) + 1):  # first all first layers, and so on
         kinds = [f"LayerElement{layer.kind}" for layer in layers if layer.number == number]
         named = [Node("LayerElement", children=leaves(Type=kind, TypedIndex=number)) for kind in kinds]
         content.append(Node("Layer", number, children=[*leaves(Version=100), *named]))
@@ -232,7 +232,7 @@ def _geometry(parts: _Parts, place: Array, faces: AnyArray) -> list[Node]:
 
 
 def _layers(parts: _Parts, corners: AnyArray, place: Array) -> list[_Layer]:
-    """Normals, colours and texture coordinates of the corners of a mesh."""
+    """Return normals, colours and texture coordinates of the corners of a mesh."""
     normals = rotations.normalize(parts.joined(_Part.normals) @ np.linalg.inv(place[:3, :3]))
     layers = [_Layer("Normal", 0, "", {"Normals": normals.ravel()})]
     if any(part.has("COLOR_0") for part in parts):
@@ -269,7 +269,7 @@ class Materials:
         factor = np.array(surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)), np.float64)
         alpha = 1.0 if entry.alphaMode in (None, "OPAQUE") else float(factor[3])
         unlit = "KHR_materials_unlit" in (entry.extensions or {})
-        textured = unlit or surface.metallicRoughnessTexture  # then the factor is none
+        textured = unlit or surface.metallicRoughnessTexture  # then the factor is unused
         metal = 0.0 if textured else float(surface.get("metallicFactor", 1.0))
         shine = (10.0 * (1.0 - float(surface.get("roughnessFactor", 1.0)))) ** 2  # as Blender reads it
         colors = {"AmbientColor": np.zeros(3), "DiffuseColor": factor[:3] * color, "SpecularColor": np.ones(3),
@@ -290,14 +290,14 @@ class Materials:
         return material
 
     def _texture(self, info: Entry) -> np.int64:
-        """The id of a texture."""
+        """Return the id of a texture, adding it if needed."""
         if info.index not in self._textures:
             texture = self.file.gltf.textures[info.index]
             video, name, path = self._video(texture.source)
             sampler = Entry() if texture.sampler is None else self.file.gltf.samplers[texture.sampler]
             facts = [prop("UVSet", "KString", f"UV{info.texCoord or 0}"), prop("UseMaterial", "bool", 1)]
             for ours, theirs in ("US", "VT"):
-                facts.append(prop(f"WrapMode{ours}", "enum", int(sampler.get(f"wrap{theirs}") == CLAMP)))
+                facts.append(prop(f"WrapMode{ours}", "enum", int(sampler.get(f"wrap{theirs}") == EDGE_CLAMP)))
             head = leaves(Type="TextureVideoClip", Version=202, TextureName=f"{name}\0\1Texture")
             files = leaves(Media=f"{name}\0\1Video", FileName=path, RelativeFilename=path)
             self._textures[info.index] = self.document.add(
@@ -307,7 +307,7 @@ class Materials:
         return self._textures[info.index]
 
     def _video(self, index: int) -> tuple[np.int64, str, str]:
-        """The id of an image, its name, and that of its file."""
+        """Return the id of an image, its name, and its file name."""
         if index not in self._videos:
             image = self.file.gltf.images[index]
             data = bytes(self.file.view_bytes(image.bufferView, "an image"))

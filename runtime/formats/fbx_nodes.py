@@ -1,6 +1,6 @@
-"""Binary FBX 7.4: a tree of named nodes with values, and what every file has around its objects.
+"""Binary FBX 7.4: a tree of named nodes with values, and the fixed parts of every file.
 
-Equal objects are equal bytes: ids are counted, and the time of creation is always the same one.
+Equal scenes give equal bytes: ids are counted, and the creation time is constant.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import numpy as np
 from runtime.arrays import AnyArray
 
 VERSION = 7400
-TICKS = 46_186_158_000  # of a second
+TICKS_PER_S = 46_186_158_000  # per second
 CREATOR = "SPORT viewer"
 Id = np.int64  # of an object
-ZERO = np.int64(0)  # the scene as an object, and the time when takes begin
+ZERO = np.int64(0)  # id of the scene, and start time of takes
 _HEAD = b"Kaydara FBX Binary  \x00\x1a\x00" + struct.pack("<I", VERSION)
-# a time of creation, its checksum, and what then ends a file: readers refuse other ones
+# a creation time, its checksum, and the matching footer: readers refuse other combinations
 _TIME = "1970-01-01 10:00:00:000"
 _TIME_ID = bytes.fromhex("28b32aebb624ccc2bfc8b02aa92bfcf1")
 _FOOT_ID = bytes.fromhex("fabcab09d0c8d466b176fb831cf7267e")
@@ -33,7 +33,7 @@ _SCALARS: tuple[tuple[type, str, str], ...] = (
 )  # fmt: skip
 _TIME_MODES = {120.0: 1, 100.0: 2, 60.0: 3, 50.0: 4, 48.0: 5, 30.0: 6, 30000 / 1001: 9, 25.0: 10, 24.0: 11,
                24000 / 1001: 13, 96.0: 15, 72.0: 16, 60000 / 1001: 17}  # fmt: skip
-_CUSTOM_MODE = 14  # of another rate
+_CUSTOM_MODE = 14  # for any other rate
 _LABELS = {"int": "Integer", "double": "Number", "KTime": "Time", "ColorRGB": "Color", "Vector3D": "Vector"}
 _CLASSES = {"AnimationStack": "AnimStack", "AnimationLayer": "AnimLayer", "AnimationCurveNode": "AnimCurveNode",
             "AnimationCurve": "AnimCurve"}  # fmt: skip
@@ -60,7 +60,7 @@ class Node:
 
 
 def _encoded(value: Any) -> bytes:
-    """A value with the letter of its type."""
+    """Return a value in binary, after the letter of its type."""
     if isinstance(value, np.ndarray):
         packed = zlib.compress(np.ascontiguousarray(value).tobytes())
         return _ARRAYS[value.dtype.name] + struct.pack("<3I", value.size, 1, len(packed)) + packed
@@ -98,7 +98,7 @@ class Document:
         self._objects: list[Node] = []
         self._connections: list[Node] = []
         self._counts: Counter[str] = Counter(GlobalSettings=1)
-        self._takes: dict[str, np.int64] = {}  # and when they end
+        self._takes: dict[str, np.int64] = {}  # with their end times
 
     def add(
         self, kind: str, name: str, form: str, parts: Iterable[Node], above: Id | None = None, part: str = ""
@@ -159,7 +159,7 @@ class Document:
 
 
 def _header() -> Node:
-    """Return the header: version, time of creation, creator."""
+    """Return the header: version, creation time, creator."""
     stamp = leaves(Version=1000, Year=1970, Month=1, Day=1, Hour=10, Minute=0, Second=0, Millisecond=0)
     about = leaves(Version=100, Title="", Subject="", Author="", Keywords="", Revision="", Comment="")
     facts = [prop(name, "KString", "take.fbx") for name in ("DocumentUrl", "SrcDocumentUrl")]
@@ -175,7 +175,7 @@ def _header() -> Node:
 
 
 def _settings(units_per_metre: float, fps: float, last: np.int64) -> Node:
-    """Axes, unit and rate."""
+    """Return axes, unit and rate."""
     axes = {"Up": 1, "Front": 2, "Coord": 0, "OriginalUp": 1}
     facts = [
         prop(f"{axis}Axis{end}", "int", value)

@@ -1,4 +1,4 @@
-"""A take as GLB: the character's own mesh, materials, textures and skin, moved on its own skeleton."""
+"""A take as GLB: the character's own mesh, materials, textures and skin, animated on its own skeleton."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from pygltflib import GLTF2
 
 MANNEQUIN = "character/mannequin.glb"
-CHUNK = 1800  # frames worked on at once, so that an hour does not fill the memory
-STILL_M = 1e-6  # metres: a joint that moves less against its parent has no translation track
+CHUNK_FRAMES = 1800  # frames processed at once, so that an hour does not fill the memory
+STILL_M = 1e-6  # a joint that moves less relative to its parent has no translation track
 
 
 def save_glb(
@@ -69,7 +69,7 @@ def glb_document(
     size, plain = body_size(takes[0].clip, options, character), options.plain or options.engine is not None
     rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
     names: list[str] = []
-    for number, take in enumerate(takes, 1):  # each name is there once
+    for number, take in enumerate(takes, 1):  # names must be unique
         name = take.clip.name
         _animate(rig, buffer, take, f"{name}-{number}" if name in names else name, check)
         names.append(name)
@@ -84,7 +84,7 @@ def glb_document(
 
 
 def _drop_meshes(gltf: GLTF2) -> None:
-    """Leave nothing but the nodes and their animations."""
+    """Remove everything but the nodes and their animations."""
     for node in gltf.nodes:
         node.mesh = node.skin = None
     for field in ("meshes", "materials", "textures", "images", "samplers", "skins"):
@@ -114,7 +114,7 @@ def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str, check: 
     for node, (translations, quaternions) in _tracks(rig, take, scales, check).items():
         channels.append((node, "rotation", quaternions))
         above = written(rig, rig.rest[rig.parents[node]]) if rig.parents[node] >= 0 else np.eye(4)
-        unit = float(np.abs(np.linalg.det(above[:3, :3]))) ** (1 / 3)  # metres of a unit of the track
+        unit = float(np.abs(np.linalg.det(above[:3, :3]))) ** (1 / 3)  # metres per unit of the track
         if np.abs(translations - np.array(nodes[node].translation)).max() * unit > STILL_M:
             channels.append((node, "translation", translations))
     add_animation(buffer, take, name, channels)
@@ -141,11 +141,11 @@ def add_animation(
 def _tracks(
     rig: Rig, take: PreparedTake, scales: dict[int, Array], check: Check
 ) -> dict[int, tuple[Array, Array]]:
-    """Translations `(T, 3)` and quaternions `(T, 4)` against the parent of every animated node, float32."""
+    """Return translations `(T, 3)` and quaternions `(T, 4)` of every animated node relative to its parent, float32."""
     parts: dict[int, list[tuple[Array, Array]]] = {node: [] for node in scales}
-    for start in range(0, len(take.clip), CHUNK):
+    for start in range(0, len(take.clip), CHUNK_FRAMES):
         check()
-        frames = slice(start, min(start + CHUNK, len(take.clip)))
+        frames = slice(start, min(start + CHUNK_FRAMES, len(take.clip)))
         worlds = joint_worlds(rig, take, frames)
         for node in scales:
             parent = rig.parents[node]
@@ -159,7 +159,7 @@ def _tracks(
 
 
 def _world(rig: Rig, node: int, worlds: dict[int, Array]) -> Array:
-    """World matrices `(n, 4, 4)` or `(4, 4)` of a node: those between joints move with the joint above them."""
+    """Return world matrices `(n, 4, 4)` or `(4, 4)` of a node; nodes between joints follow the joint above."""
     if node in worlds:
         return worlds[node]
     parent = rig.parents[node]

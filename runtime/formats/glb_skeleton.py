@@ -1,4 +1,4 @@
-"""The nodes of a user's character as a take moves them: its own skeleton, put on the ground of the take."""
+"""A user's character as rig of a take: its own skeleton, transformed to the take's space."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 ROOT_NAMES = ("Root", "GroundRoot", "SportGroundRoot")
-# of a root joint at rest: Blender joins the hips to one whose tail meets them, and drops where they go
+# offset of a root joint at rest: Blender merges hips with a root bone that ends at them, and loses their translation
 OFF_THE_HIPS_M = 1e-3
-HANDS_FRAMES = 120  # before and after those that are written, by which hands find their way
-SAME_TOLERANCE = 1e-4  # a character that needs less scaling and turning than this stands in our space already
+HANDS_FRAMES = 120  # extra frames before and after the written ones, which smooth the hands
+SAME_TOLERANCE = 1e-4  # a character that needs less scaling and rotation is already in our space
 
 
 @dataclass
@@ -44,9 +44,9 @@ class Rig:
     parents: list[int]
     rest: Array
     space: Array
-    size: float  # metres of a metre of the take
+    size: float  # scale relative to the take
     ground_point: Array  # (3,) under the hips on the level of the soles, rest pose, take's space
-    root_node: int = -1  # the node on the ground, where there is one
+    root_node: int = -1  # the node on the ground, if any
     plain: bool = False  # written without scales and without nodes above the joints
     # inverse bind matrices (n, 4, 4) of skins, as written
     binds: dict[int, Array] = field(default_factory=dict)
@@ -74,7 +74,7 @@ def open_rig(
     """
     joints: dict[int, int] = {}
     for k, node in enumerate(data.joint_nodes):
-        joints.setdefault(node, k)  # a joint of several skins moves as the first of them
+        joints.setdefault(node, k)  # a joint of several skins follows the first one
     hips = int(np.flatnonzero(character.sport_joints == SPORT_SKELETON.index("Hips"))[0])
     space = np.eye(4)
     axes = character.rest_world[hips, :3, :3].astype(np.float64)
@@ -99,7 +99,7 @@ def open_rig(
 
 
 def _set_plain_scene(rig: Rig) -> None:
-    """One node, the joints without scales below it, and the meshes: skins are bound to what the joints are now."""
+    """Replace the scene by one node, the joints without scales below it, and the meshes, with skins rebound."""
     import pygltflib as g
 
     gltf, parents, count = rig.gltf, rig.parents, len(rig.parents)
@@ -122,7 +122,7 @@ def _set_plain_scene(rig: Rig) -> None:
 
 
 def _loose_meshes(rig: Rig, own: int) -> list[int]:
-    """Nodes with meshes under no joint: skinned ones, and those below the character's `own` uppermost node."""
+    """Return nodes with meshes that are not below a joint: skinned ones, and those below the `own` uppermost node."""
     meshes = [
         n for n, node in enumerate(rig.gltf.nodes) if node.mesh is not None and not _under_joint(rig, n)
     ]
@@ -130,7 +130,7 @@ def _loose_meshes(rig: Rig, own: int) -> list[int]:
 
 
 def _set_plain_locals(rig: Rig, moving: set[int], loose: list[int]) -> None:
-    """Transforms of joints without scales, of meshes under no joint, and of what hangs on joints."""
+    """Set the transforms of joints without scales, of loose meshes, and of nodes attached to joints."""
     nodes, parents = rig.gltf.nodes, rig.parents
     for node in range(len(nodes) - 1):
         if node in moving:
@@ -157,7 +157,7 @@ def written(rig: Rig, world: Array) -> Array:
 
 
 def _set_scene(rig: Rig) -> None:
-    """Only what belongs to the character stays in the scene, in the take's space."""
+    """Keep only the character in the scene, in the take's space."""
     import pygltflib as g
 
     gltf = rig.gltf
@@ -178,7 +178,7 @@ def _set_scene(rig: Rig) -> None:
 
 
 def _append_node(rig: Rig, node: Node, parent: int, rest: Array) -> int:
-    """The number of a new node that rests at `rest` `(4, 4)` in the take's space."""
+    """Return the index of a new node with the rest transform `rest` `(4, 4)` in the take's space."""
     rig.gltf.nodes.append(node)
     rig.parents.append(parent)
     rig.rest = np.concatenate([rig.rest, rest[None]])
@@ -186,7 +186,7 @@ def _append_node(rig: Rig, node: Node, parent: int, rest: Array) -> int:
 
 
 def _add_root(rig: Rig, hips: int) -> None:
-    """A joint above the hips that stays on the ground: the character's own uppermost joint, or a new one."""
+    """Add a joint above the hips that stays on the ground: the character's own uppermost joint, or a new one."""
     import pygltflib as g
 
     top = [node for node in ancestors(rig.parents, hips) if node in rig.joints][-1]
@@ -210,7 +210,7 @@ def _add_root(rig: Rig, hips: int) -> None:
 
 
 def _part_from_hips(rig: Rig, hips: int) -> None:
-    """Move the character's own root a little at rest where the hips stand on its Y axis."""
+    """Offset the character's own root at rest if the hips lie on its Y axis."""
     root, nodes = rig.parents[hips], rig.gltf.nodes
     frame = written(rig, rig.rest[root])
     way = rig.rest[hips, :3, 3] - frame[:3, 3]
@@ -229,7 +229,7 @@ def _bind_root(rig: Rig, hips: int, frame: Array) -> None:
     """Make the root joint at `frame` a joint of every skin of the hips."""
     back = np.linalg.inv(written(rig, frame)) @ written(rig, rig.rest[hips])
     for index, skin in enumerate(rig.gltf.skins):
-        if hips in skin.joints:  # in the space of the mesh, whose unit may be another
+        if hips in skin.joints:  # in the mesh's space, which may have another unit
             bind = back @ rig.binds[index][skin.joints.index(hips)]
             bind[3] = (0.0, 0.0, 0.0, 1.0)
             rig.binds[index] = np.concatenate([rig.binds[index], bind[None]])
@@ -274,7 +274,7 @@ def nearest_rotation(linear: Array) -> Array:
 def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array]:
     """Return the world matrices `(n, 4, 4)` of every joint node in the take's space, for a range of frames."""
     clip, character = take.clip, rig.character
-    begin = max(frames.start - HANDS_FRAMES, 0)  # hands go on over the ends of a part
+    begin = max(frames.start - HANDS_FRAMES, 0)  # hands are smoothed across the ends of a chunk
     wide = slice(begin, min(frames.stop + HANDS_FRAMES, len(clip)))
     hips = np.asarray(clip.hips_positions[wide], np.float64)
     skeleton_positions, world = SPORT_SKELETON.forward_kinematics(

@@ -1,4 +1,4 @@
-"""The keys of an animation of a glTF file, and where they put its nodes at any time."""
+"""Keyframes of a glTF animation, and the node transforms at any time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.character.read import GltfFile
 
-AT_KEY_S = 1e-5  # what is that little before a key is at it
+AT_KEY_S = 1e-5  # times this little before a key count as at it
 KEYS_REMEDY = "Export it again with its animation baked, or as BVH."
 PATHS = {"translation": 3, "rotation": 4, "scale": 3}
-ASTRAY_HANDLE_FRACTION = 0.5  # of the radius of the sphere of rotations, from a key towards its middle
-_FLAT_SCALE = 1e-9  # of a node that is scaled away, as hidden parts are
+ASTRAY_HANDLE_FRACTION = 0.5  # of the radius of the sphere of rotations: a handle this far inside is invalid
+_FLAT_SCALE = 1e-9  # of a node scaled to nothing, as hidden parts are
 _SQUARE_TOLERANCE = 1e-4  # of a matrix that is a rotation but for rounding
 
 
@@ -77,10 +77,10 @@ def _keys(file: GltfFile, sampler: Any, path: str) -> Channel:
 
 
 def _of_one_sign(times: Array, values: Array) -> Array:
-    """Cubic keys of a rotation `(K, 3, 4)` without the jumps between both signs of a quaternion that Blender writes.
+    """Return cubic rotation keys `(K, 3, 4)` without the quaternion sign flips that Blender writes.
 
-    A tangent that leads through the sphere rather than along it is one from a key to a handle of the other sign: what
-    turns in it is mirrored, and the rest left out. Then neighbouring keys get the same sign.
+    A tangent that leads through the sphere rather than along it joins a key to a handle of the other sign: its part along
+    the sphere is mirrored, and the rest dropped. Then neighbouring keys get the same sign.
     """
     values, key = values.copy(), values[:, 1]
     thirds = np.append(np.diff(times), 0.0)

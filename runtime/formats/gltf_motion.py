@@ -1,4 +1,4 @@
-"""The motion of a glTF, GLB, VRM, VRMA or FBX file: its animation sampled at an even rate, as a hierarchy at rest in its bind pose."""
+"""Motion of a glTF, GLB, VRM, VRMA or FBX file: its animation resampled at a constant rate, relative to the bind pose."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ from runtime.pose import MAX_FPS, VIDEO_RATES
 from runtime.safe_read import parse_json, printable, reason
 from runtime.skeleton import Skeleton
 
-USUAL_FPS = 30.0  # of an animation that does not tell
-# in the order they are tried
+USUAL_FPS = 30.0  # of an animation without a rate
+# in the order in which they are tried
 USUAL_RATES = (USUAL_FPS, 24.0, 25.0, 60.0, 48.0, 50.0, *VIDEO_RATES, 100.0, 240.0)
-# keys in so many frames of a rate, and at least so many steps, are one in every frame
-DENSE_FRACTION, LEAST_STEPS = (0.9, 4)
-# of keys in every frame: fewer are apart, and cubics between them bend
-LEAST_FPS, LEAST_CUBIC_FPS = (4.5, 15.0)
-ON_FRAME_TOLERANCE = 2e-4  # frames from one to a key that is on it; 29.97 and 30 differ by 1e-3
-# what Blender writes for it, and what it is
+# if keys lie on this fraction of a rate's frames, and there are at least this many, every frame counts as keyed
+DENSE_FRACTION, MIN_DENSE_STEPS = (0.9, 4)
+# minimum rate of keys in every frame: slower ones are keyframes, and cubics between them bend
+MIN_FPS, MIN_CUBIC_FPS = (4.5, 15.0)
+ON_FRAME_TOLERANCE = 2e-4  # distance in frames of a key from its frame; 29.97 and 30 differ by 1e-3
+# rate that Blender writes, and the actual one
 NTSC = {rate * 1.001: rate / 1.001 for rate in (24.0, 30.0, 60.0)}
-CHUNK_FRAMES = 1024  # whose transforms are worked out at once
-# nodes x frames, and keys, that any file may have; and more for each byte of it
+CHUNK_FRAMES = 1024  # processed at once
+# nodes x frames, and keys, allowed for any file; and added per byte
 MAX_UNBAKED, KEYS_PER_BYTE_FACTOR = 500_000, 0.5
 MAX_NAME, MAX_SHOWN, MAX_LISTED = 200, 60, 6  # letters of a joint and of an animation; bodies in a sentence
-# nodes of animations that are looked at for a body, and what a channel counts
+# nodes of animations searched for a body, and the cost of a channel
 MAX_LOOKED_AT, CHANNEL_COST = (50_000, 8)
 
 
-# by name an animation of a file and the body that it moves, by the keys that it has; None where it moves none
+# per name, an animation and the body that it moves, by its keys; None if it moves none
 _Listed = dict[str, tuple[Any, Body | None]]
 
 
 @dataclass(frozen=True)
 class _Animation:
-    """An animation that was read, how many joints of its body it moves, and what is told of the take."""
+    """An animation as read, with the number of moved joints of its body and the metadata of the take."""
 
     label: str
     channels: Channels
@@ -81,7 +81,7 @@ def contents(path: Path) -> tuple[bool, bool]:
     try:
         moves = any(_moves(file, animation) for animation in file.gltf.animations or [])
     except STRUCTURE_ERRORS:
-        moves = True  # reading it says what is wrong
+        moves = True  # reading it reports the error
     own = (file.gltf.asset or Entry()).generator == GENERATOR
     return skinned and not (moves and own), moves
 
@@ -127,7 +127,7 @@ def _motion(file: GltfFile, wanted: str) -> BvhMotion:
     skeleton, told = _skeleton(nodes, joints, bind), animation.metadata
     motion = BvhMotion(skeleton, positions, local, 1.0 / fps, {}, note, told, tuple(listed))
     moving = MovingNodes(needed, nodes.parents, local_matrices(file), channels)
-    with np.errstate(all="ignore"):  # what comes of it is checked
+    with np.errstate(all="ignore"):  # the results are checked
         _fill(motion, moving, times, joints, np.linalg.inv(bind[:, :3, :3]))
     furthest = max(np.abs(positions).max(), np.abs(skeleton.offsets).max())
     if not furthest <= MAX_VALUE or not np.isfinite(local).all():
@@ -141,16 +141,16 @@ def _skeleton(nodes: Nodes, joints: list[int], bind: Array) -> Skeleton:
     parents = tuple(joints.index(node) if node >= 0 else -1 for node in above)
     at_rest = bind[:, :3, 3]
     offsets = [at_rest[k] - (at_rest[p] if p >= 0 else 0.0) for k, p in enumerate(parents)]
-    # a VRM's bones as Unity calls them
+    # a VRM's bones by Unity's names
     bones = {node: bone[:1].upper() + bone[1:] for node, bone in vrm_bones(nodes.file).items()}
     names = tuple(printable(str(bones.get(j) or nodes.name(j)))[:MAX_NAME] for j in joints)
     return Skeleton(names, parents, np.array(offsets, np.float32))
 
 
 def _fill(motion: BvhMotion, moving: MovingNodes, times: Array, joints: list[int], unbind: Array) -> None:
-    """Write the frames of a motion; each joint is seen from its bind pose, in which nothing turns.
+    """Write the frames of a motion, with joints relative to the bind pose, where all rotations are zero.
 
-    `unbind` `(J, 3, 3)` undoes the bind pose, with what spaces above the joints scale, mirror and shear.
+    `unbind` `(J, 3, 3)` undoes the bind pose, including scale, mirroring and shear of the nodes above.
     """
     for first in range(0, len(times), CHUNK_FRAMES):
         rows = slice(first, first + CHUNK_FRAMES)
@@ -167,7 +167,7 @@ def _fill(motion: BvhMotion, moving: MovingNodes, times: Array, joints: list[int
 
 
 def _named(file: GltfFile) -> dict[str, Any]:
-    """The animations by their names, those that have the same one with their number. FileError where there is none."""
+    """Return the animations by name, with a number for duplicate names. FileError if there are none."""
     animations: dict[str, Any] = {}
     for k, animation in enumerate(file.gltf.animations or []):
         name = printable(str(animation.name or f"animation {k + 1}"))[:MAX_SHOWN]
@@ -178,7 +178,7 @@ def _named(file: GltfFile) -> dict[str, Any]:
 
 
 def _targets(nodes: Nodes, entry: Any) -> set[int]:
-    """The nodes that an animation has keys for."""
+    """Return the nodes for which an animation has keys."""
     every = range(len(nodes.parents))
     found = (channel.target for channel in entry.channels or [])
     return {target.node for target in found if target.path in PATHS and target.node in every}
@@ -202,7 +202,7 @@ def _listed(nodes: Nodes, animations: dict[str, Any], bodies: list[Body]) -> _Li
 
 
 def _most_moved_first(bodies: list[Body], inside: dict[int, int], targets: set[int]) -> list[Body]:
-    """The bodies that targets are `inside`, by their numbers: known ones first, and those of which half is moved."""
+    """Return the bodies that contain targets (`inside`): recognised ones first, and those with half of their joints moved."""
     hits = Counter(inside[node] for node in targets if node in inside)
     most = max(hits.values(), default=0)
     order = sorted(hits, key=lambda k: (not bodies[k].known, hits[k] < bodies[k].half(most), k))
@@ -210,13 +210,13 @@ def _most_moved_first(bodies: list[Body], inside: dict[int, int], targets: set[i
 
 
 def _chosen(nodes: Nodes, listed: _Listed, wanted: str) -> _Animation:
-    """The animation of a name, else the first one that moves a body. FileError."""
+    """Return the animation of a name, else the first one that moves a body. FileError."""
     if wanted:
         wanted = printable(wanted)[: 2 * MAX_SHOWN]
         if wanted not in listed:
             raise nodes.file.error(f"no animation {wanted!r}.", f"It has {', '.join(list(listed)[:40])}.")
         listed = {wanted: listed[wanted]}
-    # a camera, and the empty takes of some programs, come first too
+    # cameras and the empty takes of some programs may come first
     read = _as_far_as_needed(nodes, listed)
     read = [animation for animation in read if animation.known] or read
     most = max(animation.moved for animation in read)
@@ -240,7 +240,7 @@ def _note(animation: _Animation, listed: _Listed, bodies: list[Body], wanted: st
 
 
 def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
-    """Animations up to the first one of which half the body moves, or half as much as any later one has keys for. FileError."""
+    """Read animations up to the first that moves half of its body, or half as much as any later one has keys for. FileError."""
     targets = [len(_targets(nodes, entry)) if body else 0 for entry, body in listed.values()]
     later = [*accumulate(targets[:0:-1], max, initial=0)][::-1]
     read: list[_Animation] = []
@@ -248,7 +248,7 @@ def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
     for (label, (entry, body)), most in zip(listed.items(), later, strict=True):
         keys += _key_count(nodes.file, entry)
         if keys > _room(nodes.file):
-            raise nodes.file.error("more keys than a file of its size has.", KEYS_REMEDY)
+            raise nodes.file.error("more keys than a file of its size can hold.", KEYS_REMEDY)
         read.append(_animation(nodes, label, entry, body))
         looked_at += len(nodes.parents) + CHANNEL_COST * (1 + len(entry.channels or []))
         moved = max(moved, read[-1].moved)
@@ -261,7 +261,7 @@ def _as_far_as_needed(nodes: Nodes, listed: _Listed) -> list[_Animation]:
 def _key_count(file: GltfFile, animation: Entry) -> int:
     used = [
         animation.samplers[channel.sampler] for channel in animation.channels or []
-    ]  # one may be there often
+    ]  # it may occur several times
     return sum(file.count(key) for each in used for key in (each.input, each.output))
 
 
@@ -290,12 +290,12 @@ def _metadata(file: GltfFile, animation: Any) -> dict[str, Any]:
 
 
 def _times(file: GltfFile, channels: Channels, nodes: int, told: float) -> tuple[NDArray[np.float64], float]:
-    """Even times from the first key to the last one, and their rate (`_rates`)."""
+    """Return evenly spaced times from the first to the last key, and their rate (`_rates`)."""
     keys = np.unique(np.concatenate([channel.times for channel in channels.values()]))
     first, keys = keys[0], keys - keys[0]
     near = ON_FRAME_TOLERANCE * (1.0 + keys[-1] / 60.0)  # times have 24 bits
     cubic = any(channel.kind == "CUBICSPLINE" for channel in channels.values())
-    rates = _rates(keys, told, LEAST_CUBIC_FPS if cubic else LEAST_FPS)
+    rates = _rates(keys, told, MIN_CUBIC_FPS if cubic else MIN_FPS)
     fps = next((fps for fps in rates if np.abs(keys * fps - np.round(keys * fps)).max() < near), rates[-1])
     count = int(np.floor(keys[-1] * fps + 1e-3)) + 1
     if count > MAX_FRAMES or count * nodes > min(MAX_JOINT_FRAMES, _room(file)):
@@ -304,16 +304,16 @@ def _times(file: GltfFile, channels: Channels, nodes: int, told: float) -> tuple
 
 
 def _rates(keys: Array, told: float, least: float) -> list[float]:
-    """Rates that the times of keys `(K,)` may have: the first that has all keys on its frames is it, else the last.
+    """Return candidate rates for key times `(K,)`: the first with all keys on its frames is used, else the last.
 
-    They are the one that is told; that of keys in nearly every frame, as a usual or a whole number; usual ones; that
+    In order: the stated rate; that of keys in nearly every frame, as a common or whole number; common rates; that
     of the keys, if that is at least `least`.
     """
     steps = np.diff(keys)
     rate = 1.0 / max(float(np.median(steps)), 1e-6) if len(steps) else USUAL_FPS
     usual, likely = (*USUAL_RATES, *NTSC), least <= rate <= MAX_FPS
     rates = [told] if 0.0 < told <= MAX_FPS else []
-    if len(steps) >= LEAST_STEPS and likely:
+    if len(steps) >= MIN_DENSE_STEPS and likely:
         nearest = (*(fps for fps in usual if abs(fps - rate) < 2e-3 * fps), float(round(rate)))
         rates += [fps for fps in nearest if len(steps) > DENSE_FRACTION * keys[-1] * fps]
     return [*rates, *usual, rate if likely else USUAL_FPS]

@@ -1,4 +1,4 @@
-"""The ground of a take: the one it was made on, and its triangles as a node of a GLB, or as an OBJ or GLB next to it."""
+"""The ground of a take: the one it was made on, written as a node of a GLB, or as an OBJ or GLB next to it."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from runtime.takes.metadata import UNKNOWN
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, load_terrain
 
-MAX_VERTICES = 500_000  # of a larger ground only the part about the take is written
+MAX_VERTICES = 500_000  # of a larger ground only the part around the take is written
 MARGIN_M = 10.0  # around the take, in that case
-LEVEL_M = 1e-5  # a ground whose heights differ by less is one quad
+LEVEL_M = 1e-5  # ground with smaller height differences is one quad
 COLOR = (0.42, 0.44, 0.40)  # linear RGB
 
 
@@ -83,7 +83,7 @@ def ground_mesh(
 
 
 def _near(axis: Array, take: PreparedTake, component: int, margin_m: float) -> slice:
-    """The part of a grid's axis that lies about the take as it was before its placement."""
+    """Return the part of a grid's axis around the take before its placement."""
     turn = take.placement
     back = np.linalg.inv(turn.matrix())
     path = take.root.positions @ back[:3, :3].T + back[:3, 3]

@@ -1,4 +1,4 @@
-"""The options of an export, each declared once: its argument of the command line, its widget in the window, its formats.
+"""Export options, each declared once: command-line argument, widget in the window, formats.
 
 Nothing heavy is imported: `sport --help` reads this file.
 """
@@ -71,9 +71,9 @@ class ExportOptions:
     """
 
     fps: float = option(
-        60.0, MOTION | ARRAYS, "--fps", parse=float, metavar="F", label="Frames a second",
+        60.0, MOTION | ARRAYS, "--fps", parse=float, metavar="F", label="Frames per second",
         choices={0.0: "as the take", **RATES},
-        help="frames a second, 29.97 for example (default: 60 or the take's own, films 30)",
+        help="frames per second, 29.97 for example (default: 60 or the take's own, films 30)",
     )  # fmt: skip
     unit: str = option(
         "cm", GROUND | {".bvh"}, "--unit", metavar="UNIT", label="Unit",
@@ -82,7 +82,7 @@ class ExportOptions:
     euler_order: str | None = option(
         None, frozenset({".bvh"}), "--euler-order", metavar="ORDER", label="Rotations",
         choices={None: "YXZ at the hips, ZYX else", **{order: order for order in ROTATION_ORDERS}},
-        hint="YXZ at hips and root keeps a reader that interpolates angles steady in any heading",
+        hint="YXZ at hips and root avoids jumps in readers that interpolate angles",
         help="of BVH, such as ZXY (default: YXZ for root and hips, ZYX for the others)",
     )  # fmt: skip
     character: Path | None = option(
@@ -91,16 +91,16 @@ class ExportOptions:
     )  # fmt: skip
     fit_to_motion: bool = option(
         False, BODIES | FILMS, "--fit-to-motion",
-        help="the character gets the size of the motion; otherwise it keeps its own, and steps and speed follow it",
+        help="scale the character to the motion; otherwise it keeps its size, and steps and speed are scaled to it",
     )  # fmt: skip
     joint_map: Path | None = option(
         None, BODIES | FILMS, "--joint-map", parse=Path, metavar="JSON",
-        help="names of its joints, in place of the file next to it",
+        help="joint map to use instead of the file next to it",
     )  # fmt: skip
     character_unit: str | None = option(
         None, BODIES | FILMS, "--character-unit", metavar="UNIT", label="Unit of the character",
         choices={None: "By its height", "m": "Metres", "cm": "Centimetres", "mm": "Millimetres", "in": "Inches"},
-        help="of the file of --character: m, cm, mm or in (default: m, or what its height fits)",
+        help="of the --character file: m, cm, mm or in (default: m, or as its height suggests)",
     )  # fmt: skip
     engine: str | None = option(
         None, SKINNED, "--for", dest="engine", ignored_by=frozenset(), metavar="ENGINE", label="For",
@@ -136,7 +136,7 @@ class ExportOptions:
     )  # fmt: skip
     in_place: bool = option(
         False, MOTION | ARRAYS, "--in-place", ignored_by=frozenset(), label="In place",
-        hint="The way over the ground is taken out; the heading stays", help="take the way over the ground out",
+        hint="Remove the movement over the ground, keep the heading", help="remove the movement over the ground",
     )  # fmt: skip
     ground_root: bool = option(
         False, BODIES | {".bvh"}, "--ground-root", ignored_by=ARRAYS | GROUND, label="Root on the ground",
@@ -158,7 +158,7 @@ class ExportOptions:
         help="the ground next to the take: .obj or .glb",
     )  # fmt: skip
     film_fps: float = option(
-        30.0, FILMS, label="Frames a second",
+        30.0, FILMS, label="Frames per second",
         choices={15.0: "15 fps", **{rate: text for rate, text in RATES.items() if rate <= 60.0}},
     )  # fmt: skip
     size: str = option(
@@ -181,7 +181,7 @@ class ExportOptions:
     )  # fmt: skip
     fov_degrees: float = option(
         0.0, FILMS, label="Field of view", low=0.0, high=90.0,
-        hint="From the bottom to the top; wider shows more around",
+        hint="Vertical; a wider one shows more",
     )  # fmt: skip
     captions: bool = option(
         True, FILMS, "--no-captions", label="Captions", hint="The prompts under the film",
@@ -211,9 +211,9 @@ class ExportOptions:
 
 
 _Rule = tuple[str, Callable[[ExportOptions], bool], Callable[[ExportOptions], str], str]
-_RULES: tuple[_Rule, ...] = (  # an option, whether it can be used, what is wrong, what to do
+_RULES: tuple[_Rule, ...] = (  # option, condition, problem, remedy
     ("humanoid_names", lambda o: bool(o.bones) or not o.humanoid_names,
-     lambda o: ": these names are those of an engine.", "Add --for unreal, unity, godot or maya."),
+     lambda o: ": these names need an engine.", "Add --for unreal, unity, godot or maya."),
     ("fps", lambda o: 1.0 <= o.fps <= MAX_FPS,
      lambda o: f" {o.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.", "Try 60 or 30."),
     ("unit", lambda o: o.unit in UNITS_PER_METRE,

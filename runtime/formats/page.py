@@ -1,4 +1,4 @@
-"""A take as a web page: one file that any browser opens without a network, with the character, ground and player in it."""
+"""A take as a web page: one file that works offline in any browser, with the character, ground and player in it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from runtime.formats.sidecar import markers
 from runtime.safe_read import printable
 from runtime.terrain.height_map import Terrain
 
-GROUND_VERTICES, GROUND_MARGIN_M = 24_000, 5.0  # of the ground about the take: a page stays small
+GROUND_VERTICES, GROUND_MARGIN_M = 24_000, 5.0  # of the ground around the take: keeps a page small
 
 
 def save_page(
@@ -46,7 +46,7 @@ def save_page(
     }
     parts = {
         "title": html.escape(printable(take.clip.name)),
-        # no text of a take ends a script: "<" stands as its number
+        # no text of a take may end the script: "<" is escaped
         "facts": json.dumps(facts, ensure_ascii=False).replace("<", "\\u003c"),
         "glb": base64.b64encode(gzip.compress(buffer.to_bytes(), 9, mtime=0)).decode("ascii"),
         "three": asset_path("web/three.min.js").read_text(encoding="utf-8"),

@@ -1,4 +1,4 @@
-"""A take as the options of an export ask for it, whatever format it goes to: rate, range, loop, place, root."""
+"""Prepares a take for export in any format: rate, range, loop, placement, root."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from runtime.takes.metadata import UNMOVED
 from runtime.takes.root import Placement, RootTrack, root_track
 from runtime.terrain.height_map import Terrain
 
-Check = Callable[[], None]  # called again and again while a file is made: ends that by an exception
+Check = Callable[[], None]  # called often while a file is made; cancels with an exception
 
 
 def go_on() -> None:
@@ -45,7 +45,7 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     terrain = None if terrain is None or clip.placed is None else terrain.seen_by(clip.size)
     at_rate = with_contacts(on_its_ground(clip), terrain).resampled(options.fps)
     track = root_track(at_rate, terrain)
-    if clip.placed is None:  # a take in place, whose root was written at the origin
+    if clip.placed is None:  # a take in place, exported with its root at the origin
         track = RootTrack(np.zeros_like(track.positions), track.yaw)
     taken, track = _in_range(at_rate, track, options)
     if options.loop:
@@ -64,7 +64,7 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
 
 
 def _placement(clip: Clip, track: RootTrack, options: ExportOptions) -> Placement:
-    """The placement that a clip has, or by which its root begins at the origin, facing +Z."""
+    """Return the clip's placement, or the one that puts its root at the origin, facing +Z."""
     if not options.at_origin:
         return placement_of(clip)
     turn = Placement(0.0 - float(track.yaw[0]))
@@ -73,7 +73,7 @@ def _placement(clip: Clip, track: RootTrack, options: ExportOptions) -> Placemen
 
 
 def _printable(clip: Clip) -> Clip:
-    """Return the clip with texts that can be written: names of files may be any bytes."""
+    """Return the clip with texts that can be encoded: file names may be any bytes."""
     prompts = tuple(event.rewritten(printable) for event in clip.prompts)
     return replace(clip, name=printable(clip.name), prompts=prompts)
 
@@ -109,7 +109,7 @@ def _in_range(clip: Clip, track: RootTrack, options: ExportOptions) -> tuple[Cli
 
 
 def _with_rest_frame(clip: Clip, track: RootTrack) -> tuple[Clip, RootTrack]:
-    """The rest pose where the clip begins, facing as it does, one frame before it."""
+    """Return the clip with the rest pose one frame before it, at its start position and heading."""
     local = rotations.identity((1, J))
     local[0, 0] = rotations.from_yaw(float(track.yaw[0]))
     hips = (track.positions[:1] + np.array([0.0, REST_HIPS_HEIGHT, 0.0])).astype(np.float32)

@@ -1,4 +1,4 @@
-"""A motion of another skeleton played by ours, to look at: rotations relative to its rest pose, scaled by the legs."""
+"""Retargeting of another skeleton's motion to ours, as a reference: rotations relative to its rest pose, scaled by leg length."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
 from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.own_skeleton import MAX_POINTS, OwnSkeleton
 
-UPRIGHT_FRACTION = 0.3  # share of a body's extent that its head is above its feet in a rest pose that is one
-BELOW_GROUND_FRACTION = 0.05  # share of the frames whose lowest foot may be below the ground
+UPRIGHT_FRACTION = 0.3  # of a body's extent: minimum height of its head above the feet in the rest pose
+BELOW_GROUND_FRACTION = 0.05  # of the frames: those whose lowest foot may be below the ground
 LEGS = ("LeftUpLeg", "RightUpLeg")
 SOLES = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")
 
@@ -36,20 +36,20 @@ class ReferenceMotion:
     """A motion retargeted from another skeleton to ours, on flat ground; `scale` is metres per unit of the file."""
 
     clip: Clip
-    own: OwnSkeleton  # as it is in the file
+    own: OwnSkeleton  # as in the file
     joints: int  # of ours that were found
-    origin: str  # what they were found by
+    origin: str  # how they were found
     scale: float
 
     def describe(self) -> str:
         """Return a phrase for the user: how many joints were found, and how."""
-        return f", another skeleton: {self.joints} of {J} joints by {self.origin}, a reference to look at"
+        return f", another skeleton: {self.joints} of {J} joints by {self.origin}, retargeted as a reference"
 
 
 @dataclass(frozen=True)
 class _Rest:
     guess: JointGuess
-    world: Array  # (K, 4) rotations of the file's joints in it
+    world: Array  # (K, 4) rotations of the file's joints
     points: Array  # (N, 3)
 
 
@@ -60,7 +60,7 @@ class OpenedTake:
     clip: Clip
     unit: str
     reference: ReferenceMotion | None = None
-    note: str = ""  # of a file that is damaged, or has several animations
+    note: str = ""  # if it is damaged or has several animations
     animations: tuple[str, ...] = ()  # of the file
 
 
@@ -87,16 +87,16 @@ def is_bvh(path: Path) -> bool:
 
 
 def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
-    """A clip that goes in the world as the file does: from the origin on, or where a file of ours says that its ground is.
+    """Return a clip with the file's world motion: from the origin on, or on the ground that one of our own files names.
 
-    Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` next to it. FileError.
+    Joints come from `guess_skeleton` and `FILE.joints.json` next to it. FileError.
     """
     fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
         raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", "Resample it.")
     positions, world = motion.world()
     rest = _rest(motion, positions, world, path)
-    with np.errstate(all="ignore"):  # what comes of it is checked
+    with np.errstate(all="ignore"):  # the results are checked
         hips, local, scale, axes, start = _retarget(rest, motion.skeleton.parents, positions, world)
         if motion.metadata:
             hips, start = hips + start, np.zeros(3)
@@ -110,7 +110,7 @@ def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
 
 
 def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Rest:
-    """The rest pose of the file where it is a body that stands, else the first frame, which many files begin with."""
+    """Return the file's rest pose if it is an upright body, else the first frame, which is one in many files."""
     skeleton, joint_map = motion.skeleton, saved_joint_map(path)
     standing = np.zeros((len(skeleton), 3))
     for k, parent in enumerate(skeleton.parents):
@@ -126,15 +126,15 @@ def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Res
         tree = JointTree(skeleton.parents, at)
         try:
             guess = guess_skeleton(path, skeleton.names, tree, points, joint_map, turning)
-        except NotUpright:  # a rest pose of zeros may look so: the first frame tells
+        except NotUpright:  # an all-zero rest pose may look so: use the first frame
             problems.append("it stands on four legs")
             continue
         if not guess.missing and _stands(guess.found, at):
             return _Rest(guess, turns, points)
         missing = f"no joints found for {', '.join(guess.missing)}"
-        problems.append(missing if guess.missing else "neither rest pose nor first frame stands")
+        problems.append(missing if guess.missing else "neither rest pose nor first frame is upright")
     raise FileError(
-        f"{path}: a motion of another skeleton, and {problems[-1]}: it cannot be played as reference.",
+        f"{path}: a motion of another skeleton, and {problems[-1]}: it cannot be retargeted.",
         f"Name its joints in {joint_map_path(path).name} next to it, or export it with a T-pose as rest pose.",
     )
 
@@ -152,9 +152,9 @@ def _stands(found: dict[str, int], at: Array) -> bool:
 def _retarget(
     rest: _Rest, parents: tuple[int, ...], positions: Array, world: Array
 ) -> tuple[Array, Array, float, Array, Array]:
-    """Hips `(T, 3)` in metres, local rotations `(T, 31, 4)`, metres for a unit of the file, and its axes in ours.
+    """Return hips `(T, 3)` in metres, local rotations `(T, 31, 4)`, metres per file unit, axes and start of the file.
 
-    The last is what was taken off places in our axes, so that the motion begins at the origin on the ground.
+    The start was subtracted, in our axes, so that the motion begins at the origin on the ground.
     """
     found, at = rest.guess.found, rest.guess.positions
     heading = _heading(found, at)  # a first frame may face anywhere
@@ -162,7 +162,7 @@ def _retarget(
     matrices[:, :3, 3] = rotations.rotate(heading, at)
     points = rotations.rotate(heading, rest.points)
     alignment = align(found, parents, matrices, points)
-    scaled = alignment.basis[0]  # of a rest matrix that turns nothing: scale and axes alone
+    scaled = alignment.basis[0]  # of a rest matrix without rotation: scale and axes alone
     scale = float(np.cbrt(np.linalg.det(scaled)))
     axes = rotations.multiply(rotations.from_matrix(scaled / scale), heading)
     upright = _upright(rotations.rotate(axes, positions.astype(np.float64)), found)
@@ -177,7 +177,7 @@ def _retarget(
         turned = rotations.multiply(upright, turned)
         ours[:, j] = rotations.multiply(turned, rotations.inverse(alignment.turns[k]))
     axes = rotations.multiply(upright, axes)
-    # the turn about +Y after which `axes` only change which axis is up: the motion faces as in its file
+    # the rotation about +Y for which `axes` only changes the up axis: the motion faces as in its file
     up = rotations.rotate(rotations.inverse(axes), np.array([0.0, 1.0, 0.0]))
     plain = rotations.between(np.round(up), np.array([0.0, 1.0, 0.0]))
     back = rotations.multiply(plain, rotations.inverse(axes))
@@ -193,7 +193,7 @@ def _retarget(
 def _own(
     motion: BvhMotion, positions: Array, world: Array, axes: Array, scale: float, start: Array
 ) -> OwnSkeleton:
-    """Joints and ends of bones in the place of the clip, on the ground as far as its own feet are."""
+    """Return joints and bone ends placed with the clip, on the ground by their own feet."""
     ends = [(k, end) for k, end in motion.end_offsets.items() if np.any(np.asarray(end) != 0.0)]
     parents = (*motion.skeleton.parents, *(k for k, _ in ends))
     tips = [positions[:, k] + rotations.rotate(world[:, k], np.asarray(end)) for k, end in ends]
@@ -205,14 +205,14 @@ def _own(
 
 
 def _heading(found: dict[str, int], at: Array) -> Array:
-    """The turn about the body's upright axis that puts its left on an axis: none where it is on one already."""
+    """Return the rotation about the body's upright axis that aligns its left with an axis; identity if it already is."""
     axes = canonical_axes(found, at)
     left = axes @ (at[found["LeftUpLeg"]] - at[found["RightUpLeg"]])
     return rotations.from_axis_angle(axes[1], np.arctan2(left[2], left[0]))
 
 
 def _upright(positions: Array, found: dict[str, int]) -> Array:
-    """The quarter turn that puts the heads of all frames up: none but where the motion has another upright axis."""
+    """Return the quarter turn that brings the heads of all frames up; identity unless the up axis differs."""
     up = np.mean(positions[:, found["Head"]] - positions[:, found["Hips"]], axis=0)
     axis = int(np.argmax(np.abs(up)))
     if axis == 1 and up[1] > 0.0:
@@ -223,9 +223,9 @@ def _upright(positions: Array, found: dict[str, int]) -> Array:
 
 
 def _placed(legs: Array, local: Array) -> tuple[Array, Array]:
-    """Hips that put the middle of our legs where theirs is, from the origin on, the lowest foot on the ground.
+    """Return hips that place the middle of our legs at theirs, starting at the origin, with the lowest foot on the ground.
 
-    Also how far away all that was.
+    Also returns the subtracted start position.
     """
     at, _ = SPORT_SKELETON.forward_kinematics(np.zeros((len(legs), 3)), local)
     hips = legs - at[:, [SPORT_SKELETON.index(name) for name in LEGS]].mean(axis=1)

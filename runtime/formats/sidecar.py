@@ -1,4 +1,4 @@
-"""What a file tells of its take: JSON next to a BVH, `extras` of a GLB, prompts and gaits as markers of the time line.
+"""Metadata of a take in its file: JSON next to a BVH, `extras` of a GLB, prompts and gaits as time line markers.
 
 `walk.bvh` has `walk.bvh.json`. It names model, seed, ground and styles; folders, addresses and keys are never in it.
 """
@@ -42,13 +42,13 @@ from runtime.takes.metadata import (
 MAX_BYTES = 64 * 1024 * 1024
 CONTACTS = ("left_heel", "left_toe", "right_heel", "right_toe")
 FEET = ("left", "right")
-NO_PHASE_ANGLE = -1.0  # of JSON, which has no NaN
+NO_PHASE_ANGLE = -1.0  # stored instead of NaN, which JSON lacks
 MARKERS_VERSION = 1
 _FORMAT = "sport-take"
 _LOG = logging.getLogger("sport.clip")
 
 
-MAX_NAME = 250  # bytes of a file name, less those of ".json"
+MAX_NAME = 250  # bytes of a file name, without those of ".json"
 
 
 def sidecar_path(bvh: Path) -> Path:
@@ -68,7 +68,7 @@ def format_metadata(clip: Clip, bvh_text: str) -> str:
     }
     text = json.dumps(value, ensure_ascii=False, indent=1)
     tracks = (f' "{name}": {json.dumps(values)}' for name, values in foot_tracks(clip).items())
-    return ",\n".join([text[: -len("\n}")], *tracks]) + "\n}\n"  # a line for a track, not for a number
+    return ",\n".join([text[: -len("\n}")], *tracks]) + "\n}\n"  # one line per track, not per number
 
 
 def _metadata(clip: Clip) -> dict[str, Any]:
@@ -156,7 +156,7 @@ def _prompts(value: Any, path: Path) -> tuple[PromptEvent, ...]:
 
 
 def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
-    """The pairs of a list that are a time and the name of a gait."""
+    """Return the pairs of a list that are a time and a gait's name."""
     names, found = {gait.label for gait in Gait}, []
     for pair in value[:MAX_EVENTS] if isinstance(value, list) else ():
         with contextlib.suppress(TypeError, ValueError):
@@ -174,7 +174,7 @@ def _loop(value: Any) -> LoopReport | None:
 
 
 def _contacts(value: dict[str, Any], frames: int) -> Array | None:
-    """Contacts `(frames, 4)` of a track of each sole point; None where they are none."""
+    """Return contacts `(frames, 4)` from a track per sole point; None if they are invalid."""
     with contextlib.suppress(TypeError, ValueError, KeyError, OverflowError):
         contacts = np.array([value["contacts"][name] for name in CONTACTS], np.float32).T
         if contacts.shape == (frames, 4) and ((contacts >= 0.0) & (contacts <= 1.0)).all():

@@ -1,6 +1,6 @@
-"""The one table of formats: what a file's ending says is written, and by what; their options are in `runtime.formats.options`.
+"""The table of formats: file ending, name, writer; their options are in `runtime.formats.options`.
 
-Command, window, batch and `convert` go by it. Films are in it too, but they are drawn by `viewer.filming`.
+Command, window, batch and `convert` use it. Films are listed too, but drawn by `viewer.filming`.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ _TABLE = (
     Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", "usd.save_usd", (("pxr", "usd-core"),)),
     Format(".usd", "USD: character with motion", "the same without textures, one binary layer", "usd.save_usd", (("pxr", "usd-core"),)),
     Format(".vrma", "VRMA: motion for VRM avatars", "motion for any VRM avatar (VRM animation 1.0)", "vrma.save_vrma"),
-    Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", "page.save_page"),
+    Format(".html", "HTML: interactive page", "page with character and ground, plays in any browser", "page.save_page"),
     Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", "arrays.save_npz"),
-    Format(".csv", "CSV: table", "the same, a row a frame", "arrays.save_csv"),
+    Format(".csv", "CSV: table", "the same, one row per frame", "arrays.save_csv"),
     Format(".parquet", "Parquet: table", "the same, through pandas", "arrays.save_parquet", (("pandas", "pandas"), ("pyarrow", "pyarrow"))),
     Format(".mp4", "MP4: film", "film (H.264)"),
     Format(".png", "PNG: numbered frames", "film as numbered frames, name_00000.png and on"),
@@ -84,7 +84,7 @@ def format_of(path: Path) -> Format:
     found = FORMATS.get(path.suffix.lower())
     if found is not None:
         return found
-    if os.path.isdir(path):  # False for a name that no disk can hold, which writing refuses
+    if os.path.isdir(path):  # False for an invalid name, which writing refuses
         raise UsageError(f"{path}: this is a folder.", "Add the name of a file.")
     known = ", ".join(f"{f.suffix} ({f.text})" for f in _TABLE)
     what = f"nothing writes files that end in {path.suffix}" if path.suffix else "a name without an ending"
@@ -123,7 +123,7 @@ def save_motion(
     check_export(path, options)
     format = format_of(path)
     if format.film:
-        raise UsageError(f"{path}: a film is drawn, not written.", "Choose .bvh, .glb or .fbx.")
+        raise UsageError(f"{path}: films are rendered by the viewer.", "Choose .bvh, .glb or .fbx.")
     take = prepare(clip, options, terrain)
     check()
     module, _, function = format.write.partition(".")

@@ -1,6 +1,6 @@
-"""A take as USD (UsdSkel): the character's meshes, skin, materials and skeleton, moved by a skeleton animation for each take.
+"""A take as USD (UsdSkel): the character's meshes, skin, materials and skeleton, with a skeleton animation per take.
 
-The document of `runtime.formats.glb` is written again prim by prim, with joints that have no scales. Needs `usd-core`.
+Converted prim by prim from the document of `runtime.formats.glb`, with joints without scales. Needs `usd-core`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from runtime.terrain.height_map import Terrain
 
 ROOT = "/take"
 IMAGE_ENDINGS = {b"\x89PNG": ".png", b"\xff\xd8": ".jpg"}
-PACKED_S = 1e9  # the time of every file in a package: equal takes are equal files
+PACKED_S = 1e9  # time stamp of every file in a package, so that equal takes give equal files
 
 
 def save_usd(
@@ -54,7 +54,7 @@ def save_usd(
             stage = _Stage(open_gltf(glb), layer, takes, textures)
             stage.write()
             check()
-            for part in folder.iterdir():  # a package has the times of its files
+            for part in folder.iterdir():  # a package stores the times of its files
                 os.utime(part, (PACKED_S, PACKED_S))
             if textures is not None and not UsdUtils.CreateNewUsdzPackage(str(layer), str(packed)):
                 raise FileError(f"{path}: the package was not written.", "Write a .usd instead.")
@@ -66,7 +66,7 @@ def save_usd(
 
 @dataclass
 class _Skin:
-    """A skeleton prim: its path, and for each joint of a skin of the file its place among all joints."""
+    """A skeleton prim: its path, and for each joint of a skin its index among all joints."""
 
     path: str
     inverse_bind: AnyArray
@@ -74,7 +74,7 @@ class _Skin:
 
 
 class _Stage:
-    """A file of some takes, and the stage that it becomes."""
+    """The glTF document of some takes, and the USD stage made from it."""
 
     def __init__(self, file: GltfFile, layer: Path, takes: list[PreparedTake], textures: Path | None) -> None:
         from pxr import Gf, Sdf, Usd, UsdGeom
@@ -99,7 +99,7 @@ class _Stage:
         self._materials: dict[int, Any] = {}
 
     def _joint_paths(self) -> list[str]:
-        """The path of each joint."""
+        """Return the path of each joint."""
         paths: list[str] = []
         for node, name in zip(self.joints, self.names, strict=True):
             above = self.slot.get(self.parents[node])
@@ -116,7 +116,7 @@ class _Stage:
         return f"; joints renamed: {', '.join(pairs[:6])}{more}" if pairs else ""
 
     def _matrices(self, matrices: AnyArray | list[Any]) -> Any:
-        """Matrices of column vectors as USD has them: transposed."""
+        """Return transposed matrices, since USD uses row vectors."""
         return [self.Gf.Matrix4d(*np.asarray(m, np.float64).T.ravel().tolist()) for m in matrices]
 
     def _skin(self, index: int) -> _Skin:
@@ -134,7 +134,7 @@ class _Stage:
         self.stage.SetDefaultPrim(root.GetPrim())
         Usd.ModelAPI(root).SetKind("component")
         local = self._local_rest()
-        if not self.skins:  # the motion alone
+        if not self.skins:  # motion only
             self.skins = [_Skin(f"{ROOT}/skeleton", np.linalg.inv(self.world[self.joints]), np.zeros(0, int))]
         for skin in self.skins:
             skeleton = UsdSkel.Skeleton.Define(self.stage, skin.path)
@@ -149,7 +149,7 @@ class _Stage:
         for node in self.order:
             if self.file.gltf.nodes[node].mesh is not None:
                 self._meshes(node)
-        # the box of all takes, so that a viewer finds it: the way of the joints and half a body more
+        # bounds of all takes, so that a viewer finds it: the joints' range plus half a body
         positions = np.concatenate([take.clip.world()[0].reshape(-1, 3) for take in self.takes])
         corners = (positions.min(axis=0) - 0.5, positions.max(axis=0) + 0.5)
         box = [self.Gf.Vec3f(*corner.tolist()) for corner in corners]
@@ -157,7 +157,7 @@ class _Stage:
         self.stage.GetRootLayer().Save()
 
     def _variants(self, root: Any) -> None:
-        """All takes, and a variant set "take" that says which one moves the skeletons; the first is chosen."""
+        """Add all takes, and a variant set "take" that selects which one animates the skeletons; the first is selected."""
         variants = root.GetPrim().GetVariantSets().AddVariantSet("take")
         names = unique_names([entry.name for entry in self.file.gltf.animations])
         for number, name in enumerate(names):
@@ -169,7 +169,7 @@ class _Stage:
         variants.SetVariantSelection(names[0])
 
     def _bind_take(self, root: Any, number: int, animation: Any) -> None:
-        """Let an animation move the skeletons, and say what is known of its take."""
+        """Bind an animation to the skeletons, with the metadata of its take."""
         from pxr import UsdSkel
 
         for skin in self.skins:
@@ -187,7 +187,7 @@ class _Stage:
         )
 
     def _animation(self, number: int, name: str) -> Any:
-        """Translations, rotations and scales of all joints, a sample a frame."""
+        """Add translations, rotations and scales of all joints, one sample per frame."""
         from pxr import Gf, UsdSkel, Vt
 
         entry, frames = self.file.gltf.animations[number], len(self.takes[number].clip)
@@ -212,7 +212,7 @@ class _Stage:
         return animation
 
     def _meshes(self, node: int) -> None:
-        """The meshes of a node: skinned, carried by the joint above, or still."""
+        """Add the meshes of a node: skinned, attached to the joint above, or static."""
         from pxr import UsdGeom, UsdShade
 
         gltf = self.file.gltf
@@ -232,7 +232,7 @@ class _Stage:
                 mesh.CreateDoubleSidedAttr(bool(gltf.materials[index].doubleSided))
 
     def _geometry(self, mesh: Any, primitive: Entry) -> int:
-        """Points, triangles, normals, texture coordinates, colours; how many points."""
+        """Add points, triangles, normals, texture coordinates and colours; return the number of points."""
         from pxr import UsdGeom, Vt
 
         points, normals, uv, colors = (
@@ -267,7 +267,7 @@ class _Stage:
         return count
 
     def _bind(self, mesh: Any, node: int, primitive: Entry, count: int) -> None:
-        """The skin of a mesh; a mesh on a joint follows it alone, any other stands still where it is."""
+        """Bind a mesh to its skin; a mesh on a joint follows that joint, any other is static."""
         from pxr import UsdGeom, UsdSkel
 
         number, carrier = self.file.gltf.nodes[node].skin, self.carriers[node]
@@ -275,7 +275,7 @@ class _Stage:
         place = np.eye(4)
         if number is not None:
             joints = self._influences(primitive, "JOINTS").astype(int)
-            slots = skin.slots[np.minimum(joints, len(skin.slots) - 1)]  # of no weight where there are fewer
+            slots = skin.slots[np.minimum(joints, len(skin.slots) - 1)]  # clamped: these have no weight
             weights = self._influences(primitive, "WEIGHTS").astype(np.float64)
             weights /= np.maximum(weights.sum(1, keepdims=True), 1e-9)
         elif carrier >= 0:
@@ -293,12 +293,12 @@ class _Stage:
         binding.CreateSkeletonRel().SetTargets([skin.path])
 
     def _influences(self, primitive: Entry, name: str) -> AnyArray:
-        """Joints or weights `(V, 4 or 8)` of a primitive."""
+        """Return joint indices or weights `(V, 4 or 8)` of a primitive."""
         sets = [primitive.attributes.get(f"{name}_{k}") for k in (0, 1)]
         return np.concatenate([self.file.values(k, name) for k in sets if k is not None], axis=1)
 
     def _material(self, index: int) -> Any:
-        """A preview surface with base colour (a texture in a package, else the mesh's colours), roughness and metal."""
+        """Add a preview surface with base colour (a packaged texture, else vertex colours), roughness and metallic."""
         from pxr import UsdShade
 
         entry, types = self.file.gltf.materials[index], self.Sdf.ValueTypeNames
@@ -320,7 +320,7 @@ class _Stage:
         return material
 
     def _color(self, path: str, index: int, texture: Entry | None, factor: tuple[float, ...]) -> Any:
-        """The output of a shader that reads a texture, or else the colours of the vertices; None where neither is there."""
+        """Return the output of a shader for a texture, or else for the vertex colours; None without either."""
         types = self.Sdf.ValueTypeNames
         if texture is None:
             used = [p for mesh in self.file.gltf.meshes for p in mesh.primitives if p.material == index]
@@ -341,7 +341,7 @@ class _Stage:
         return shader.CreateOutput("rgb", types.Float3)
 
     def _primvar(self, path: str, name: str, kind: Any, fallback: tuple[float, ...] | None = None) -> Any:
-        """The output of a shader that reads a primvar of the mesh."""
+        """Return the output of a shader that reads a primvar of the mesh."""
         types = self.Sdf.ValueTypeNames
         reader = self._shader(path, f"UsdPrimvarReader_{kind}", varname=(types.String, name))
         output = reader.CreateOutput("result", kind)
@@ -350,7 +350,7 @@ class _Stage:
         return output
 
     def _shader(self, path: str, name: str, **inputs: tuple[Any, Any]) -> Any:
-        """A shader of a name with the type and the value of each of its inputs."""
+        """Add a shader with the type and value of each of its inputs."""
         from pxr import UsdShade
 
         shader = UsdShade.Shader.Define(self.stage, path)
@@ -360,7 +360,7 @@ class _Stage:
         return shader
 
     def _texture(self, index: int) -> str | None:
-        """The name of a texture's file next to the layer; None where the form has none, or for other images."""
+        """Return a texture's file name next to the layer; None if the format has none, or for unsupported images."""
         source = self.file.gltf.textures[index].source
         if self.textures is None or source is None:
             return None

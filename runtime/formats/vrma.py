@@ -1,7 +1,7 @@
-"""A take as VRM animation (`VRMC_vrm_animation` 1.0): a humanoid's bones and their turns, which any VRM avatar plays.
+"""A take as VRM animation (`VRMC_vrm_animation` 1.0): rotations of humanoid bones, playable on any VRM avatar.
 
-Our rest pose is a T-pose, as it has to be. A player turns the bones and moves the hips, and knows no other joints: what
-those between two bones turn, the lower bone turns too.
+Our rest pose is a T-pose, as required. A player rotates the humanoid bones and moves the hips, and ignores other joints:
+rotations of joints between two bones are added to the lower bone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from runtime.rotations import continuous
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 
 EXTENSION = "VRMC_vrm_animation"
-_NAMES = ENGINES["unity"].bones  # those of the specification, but for their first letter
+_NAMES = ENGINES["unity"].bones  # the specification's names, except for the case of their first letter
 BONES = {SPORT_SKELETON.index(name): bone for name, bone in _NAMES.items() if name != "Root"}
 BETWEEN = sorted({SPORT_SKELETON.parents[joint] for joint in BONES} - {-1, *BONES})
 

@@ -1,1 +1,1 @@
-"""Measures of the body: one table of what it is measured by, and how each is read off a motion."""
+"""Measures of the body: one table, and how each is computed from a motion."""

@@ -1,6 +1,6 @@
-"""What a part of the body does in every frame of a motion: the functions that rows of the table read.
+"""Signals of a body part in every frame of a motion: the functions that rows of the table use.
 
-All is in the frame of the body: origin under the hips, +Z the smoothed facing direction, +X left. Degrees, metres, seconds.
+Everything is in the body frame: origin under the hips, +Z the smoothed facing direction, +X left. Degrees, metres, seconds.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from runtime.pose import FPS
 from runtime.skeleton import SPORT_SKELETON
 
 FACING_S = 0.5  # over which the facing direction is averaged
-CYCLE_S = 1.1  # about a gait cycle, which facing and path are averaged over
+CYCLE_S = 1.1  # about a gait cycle, over which facing and path are averaged
 SWAY_S, COURSE_S, HALTING_S = (
     1.2,
     4.0 * CYCLE_S,
     0.15,
-)  # over which a path is averaged that the hips are measured against
-LANDING_FRAMES = 8  # before a landing, in which a foot comes down
-FLICKER_FRAMES = 6  # of no contact, in which a foot has not left the ground
-MOVING_M_PER_S = 0.2  # of a root that goes somewhere
-LEAST_CADENCE_HZ = 0.2  # of steps whose length has a ratio to it
-LEAST_FREQUENCY_HZ = 0.3  # of a movement that is no drift
+)  # averaging time of the path to which the hips are compared
+LANDING_FRAMES = 8  # before a landing, in which the foot descends
+FLICKER_FRAMES = 6  # gaps in a contact up to this length are ignored
+MOVING_M_PER_S = 0.2  # speed of a moving root
+MIN_CADENCE_HZ = 0.2  # of steps; below it their ratio to step length is meaningless
+MIN_FREQUENCY_HZ = 0.3  # of a movement; slower ones are drift
 _AT = SPORT_SKELETON.index
 LEFT, AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
-Reader = Callable[["Part"], Any]  # a value in every frame, or one of all
+Reader = Callable[["Part"], Any]  # returns a value per frame, or one for all
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class Part:
         return rotations.rotate(self.clip.turned[:, _AT(self.side + joint)], axis)
 
 
-# --- Readers for rows: of joints that a row names ----------------------------------------------------------------------
+# --- Readers for rows: of joints named by a row --------------------------------------------------------------------------
 
 
 def along(start: str, end: str, axis: int, outward: bool = False) -> Reader:
@@ -205,7 +205,7 @@ def frequency(arm: Part) -> float:
     window = np.hanning(len(x))[:, None]
     power = (np.abs(np.fft.rfft((x - x.mean(0)) * window, axis=0)) ** 2).sum(axis=1)
     hertz = np.fft.rfftfreq(len(x), 1 / FPS)
-    return float(hertz[np.argmax(np.where(hertz > LEAST_FREQUENCY_HZ, power, 0))])
+    return float(hertz[np.argmax(np.where(hertz > MIN_FREQUENCY_HZ, power, 0))])
 
 
 def thigh_lift(leg: Part) -> Array:
@@ -236,7 +236,7 @@ def cadence(leg: Part) -> float:
 def walk_ratio(leg: Part) -> float:
     """Return the walk ratio: step length (metres) divided by cadence (steps per second)."""
     rate = cadence(leg)
-    return step_length(leg) / rate if rate > LEAST_CADENCE_HZ else 0.0
+    return step_length(leg) / rate if rate > MIN_CADENCE_HZ else 0.0
 
 
 def stance_lead(leg: Part) -> float:
@@ -290,7 +290,7 @@ def wander(trunk: Part) -> Array:
     return _sideways(path - smoothed(trunk.clip.hips, COURSE_S), trunk.clip.cycle_yaw)
 
 
-# --- What they share --------------------------------------------------------------------------------------------------
+# --- Shared helpers ----------------------------------------------------------------------------------------------------
 
 
 def landings(down: Flags) -> NDArray[np.intp]:
@@ -301,8 +301,8 @@ def landings(down: Flags) -> NDArray[np.intp]:
 def steps_of(own: Flags, other: Flags) -> NDArray[np.intp]:
     """Return the frames where a foot lands, from its contacts and those of the other foot, `(T,)` each.
 
-    Of several landings without one of the other foot in between, only the last counts: before, the foot brushed the
-    ground in its swing. For a foot that hops, all count.
+    Of several landings without one of the other foot in between, only the last counts: before it the foot brushed the
+    ground in its swing. For a hopping foot all count.
     """
     frames, others = landings(own), landings(other)
     if len(others) < 2 or len(frames) == 0:
@@ -332,7 +332,7 @@ def smoothed_facing(positions: Array) -> Array:
     across = (positions[:, _AT("LeftUpLeg")] - positions[:, _AT("RightUpLeg")]) + (
         positions[:, _AT("LeftArm")] - positions[:, _AT("RightArm")]
     )
-    forward = np.stack([-across[:, 2], across[:, 0]], axis=1)  # (x, z) of across × up, turned to the front
+    forward = np.stack([-across[:, 2], across[:, 0]], axis=1)  # (x, z) of across × up, turned forward
     smooth = smoothed(forward, FACING_S)
     return np.arctan2(smooth[:, 0], smooth[:, 1])
 

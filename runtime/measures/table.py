@@ -1,9 +1,9 @@
-"""The one table of what a body is measured by: names, units, how each is read off a motion, and what edits add of it.
+"""The table of body measures: names, units, how each is computed from a motion, and which ones body edits add.
 
-A new measure is a row here and, where it reads something new, a function of `runtime.measures.signals`. Captions and claims
-(`training/text/words.toml`), edits of training data (`training/augmentation/edits.toml`), what networks learn to read off codes
-(rows in their order: append a part's new ones) and the edits of the shown pose (`runtime.edits`) name its rows.
-What is usual in captured clips, by gait and style: `runtime.prompts.captured`, measured by `training.text.phrase_measures`.
+A new measure is a row here and, for a new signal, a function in `runtime.measures.signals`. Its rows are named by captions
+and claims (`training/text/words.toml`), edits of training data (`training/augmentation/edits.toml`), the measures that networks
+learn from codes (rows in their order: append new ones of a part) and the edits of the shown pose (`runtime.edits`).
+Usual values in captured clips, by gait and style: `runtime.prompts.captured`, measured by `training.text.phrase_measures`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from runtime.measures.signals import AHEAD, LEFT, Clip, Part, Reader
 from runtime.skeleton import PART_NAMES
 
 Statistic = Callable[[Any], float]
-X, Z = 0, 2  # to the left, ahead
+X, Z = 0, 2  # left, ahead
 _SIDES = {"left": ("Left", 1.0), "right": ("Right", -1.0)}
 
 
@@ -46,7 +46,7 @@ top, peak, travel, span = percentile(90), percentile(95), between(10, 90), betwe
 
 @dataclass(frozen=True)
 class Measure:
-    """A row of the measure table: `read` gives a value per frame, `over` reduces them to one (`float` if it is one already).
+    """A row of the measure table: `read` gives a value per frame, `over` reduces them to one (`float` if there is only one).
 
     `step` is the smallest change that counts when a sentence is judged by walks, None if none counts. `sided` measures
     change sign in the mirror image.
@@ -136,12 +136,12 @@ class Target:
 
 
 def _beside(edits: Any, side: int) -> float:
-    """Metres of a foot from the middle line."""
+    """Distance (metres) of a foot from the centre line."""
     middle: float = (1 - 2 * side) * edits.legs.middle
     return float((0.5 * edits.legs.across + middle) / max(edits.legs.known, 1e-6))
 
 
-# in the order of the columns of `runtime.edits.request`: what is kept in files is written by them
+# in the column order of `runtime.edits.request`, which files depend on
 TARGETS = (
     Target("leg", "outward", "m of a foot from the middle line", "width", _beside, 0.3, 0.05),
     Target("leg", "lower", "m that the hips are lowered", "", lambda e, _: e.legs.lowered, 0.4, 0.06),

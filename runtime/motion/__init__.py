@@ -1,1 +1,1 @@
-"""The character in motion: controller, trajectory, phase, features, networks, noise and what keeps them steady."""
+"""The character in motion: controller, trajectory, phase, features, networks, noise, and stabilisation of the pose."""

@@ -1,15 +1,15 @@
-"""Balance over a stride: the hips move so that the zero moment point lies under the feet that stand.
+"""Balance over a stride: the hips move so that the zero moment point lies under the feet on the ground.
 
-An inverted pendulum of height h whose zero moment point lacks e to its feet is in balance when it is moved by x, where
+If the zero moment point of an inverted pendulum of height h misses its feet by e, a displacement x restores balance, where
 x - h/g x'' = e. Over a stride of angular frequency w, harmonic k of x is that of e divided by 1 + h/g (k w)^2. The error
-is measured on the body without the correction and learnt by the phase of the stride, so that nothing is fed back. It is
-a horizontal force over the body's weight and not a distance, so that a flight counts too: there no force acts.
+is measured on the body without the correction and learnt by stride phase, so that there is no feedback loop. It is
+a horizontal force over body weight rather than a distance, so that flight phases, without any force, count too.
 
-What the hips, trunk and arms of a network shake beside that has no phase. A filter of critical damping (alpha and beta of
-fading memory: E. Brookner, Tracking and Kalman Filtering Made Easy, 1998, section 1.2.6) follows the centre of mass at an
-even speed, and the hips take up what it is away from there.
+Shaking of hips, trunk and arms that does not repeat with the stride is smoothed. A critically damped filter (alpha and beta of
+fading memory: E. Brookner, Tracking and Kalman Filtering Made Easy, 1998, section 1.2.6) follows the centre of mass at
+constant velocity, and the hips make up for the deviation from it.
 
-In the plane a vector is a complex number, X + iZ. Over a path's direction it has its components along and across the path.
+Horizontal vectors are complex numbers, X + iZ. Divided by the path's direction they have components along and across the path.
 """
 
 from __future__ import annotations
@@ -49,36 +49,36 @@ SIDE_SEGMENTS = {
     "foot": Segment(0.0137, "Foot", "ToeBase", 0.44),
 }
 HEAD_SEGMENT = Segment(0.0694, "Neck1", "Head", 1.6)
-# the fraction of the hips' shift that a joint of a leg goes: 1 of all others
+# how far each joint of the legs follows a shift of the hips; all other joints follow fully
 SHIFT_FRACTIONS = {"Leg": 0.5, "Foot": 0.0, "ToeBase": 0.0}
 
 GRAVITY_M_PER_S2 = 9.81
-LEAST_WEIGHT_FRACTION = 0.2  # of the body's weight: what an acceleration is divided by
-LEAST_HEIGHT_M = 0.3  # of the pendulum
+MIN_WEIGHT_FRACTION = 0.2  # of the body's weight: minimum force that an acceleration is divided by
+MIN_HEIGHT_M = 0.3  # of the pendulum
 MARGIN_M = 0.02  # between the zero moment point and the line between ankles and toes that stand
 MAX_ERROR_M = 0.3
-MAX_SHIFT_M = 0.08  # of the hips, along and across the path
-WINDOW_FRAMES = 13  # in which accelerations are smoothed by a cubic; known is the error of their middle
+MAX_SHIFT_M = 0.08  # limit of the hips' shift, along and across the path
+WINDOW_FRAMES = 13  # over which a cubic smooths accelerations; the error is evaluated at their middle
 HARMONICS = 4  # of a stride
 LEARNING_HALF_LIFE_S = 2.0  # in which errors are forgotten
-PRIOR_VARIANCE = 0.05  # of what each harmonic may be, over that of an error
+PRIOR_VARIANCE = 0.05  # of each harmonic, relative to that of an error
 # m along the path at 1 m/s, cosine and sine of the second and the fourth harmonic, which grow by the square of the speed:
-# between what captured styles lack (-0.019, 0.03, -0.022, 0.018) and bodies composed by words (-0.028, 0.104, -0.042, 0.042),
-# who surge too little with each step (means after 10 s). What is learnt is added
+# halfway between those of captured styles (-0.019, 0.03, -0.022, 0.018) and of composed ones (-0.028, 0.104, -0.042, 0.042),
+# which surge too little with each step (means after 10 s). Learnt errors are added
 USUAL_ERRORS_M = {3: -0.023, 4: 0.065, 7: -0.03, 8: 0.03}
-MAX_USUAL_SPEED_M_PER_S = 1.5  # up to which they are known
-DISTANCE_HALF_LIFE_S = 0.6  # of the mean and the size of the ankles' distance
+MAX_USUAL_SPEED_M_PER_S = 1.5  # up to which these values hold
+DISTANCE_HALF_LIFE_S = 0.6  # of the mean and mean square of the ankles' distance
 SPEED_HALF_LIFE_S = 0.03  # of the smoothing of its speed
-PHASE_GAIN = 0.15  # of the loop that follows the phase, a frame: fraction of its error
-FREQUENCY_GAIN = 0.25 * PHASE_GAIN**2  # and of its frequency: critically damped
+PHASE_GAIN = 0.15  # of the phase-locked loop: fraction of its error corrected per frame
+FREQUENCY_GAIN = 0.25 * PHASE_GAIN**2  # the same for its frequency: critically damped
 USUAL_FREQUENCY_RAD_PER_S = 2.0 * pi * 0.9
 FREQUENCY_RANGE_RAD_PER_S = 2.0 * pi * 0.3, 2.0 * pi * 2.0
-# along and across the path: as fast as that the centre of mass may change its speed beside what is learnt
+# along and across the path: how fast the filtered centre of mass may change its velocity
 SMOOTHING_FREQUENCIES_HZ = np.array([1.0, 2.0])
-MAX_SMOOTHING_M = 0.05  # of the hips
-MAX_TRACKING_ERROR_M = 0.3  # of the filter: farther away, a body was put elsewhere
-FADE_HALF_LIFE_S = 0.25  # in which the correction comes into force and goes
-MIN_IN_FORCE_FRACTION = 1e-4  # of it: less is none
+MAX_SMOOTHING_M = 0.05  # limit of this shift of the hips
+MAX_TRACKING_ERROR_M = 0.3  # limit of the filter's error: beyond, the body was moved elsewhere
+FADE_HALF_LIFE_S = 0.25  # in which the correction fades in and out
+MIN_IN_FORCE_FRACTION = 1e-4  # smaller weights count as zero
 MIN_SQUARE = 1e-6  # m2 of the ankles' distance, m2/s2 of its speed
 
 _AT = SPORT_SKELETON.index
@@ -86,13 +86,13 @@ _AT = SPORT_SKELETON.index
 _FOOT_POINTS = [
     3 * _AT(name) + k for name in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase") for k in (0, 2)
 ]
-# lines between foot points on which a body may stand, by whether the left and the right foot bear
+# line segments between foot points that support the body, by whether the left and the right foot are loaded
 _LINES = {(True, False): ((0, 1),), (False, True): ((2, 3),), (True, True): tuple(combinations(range(4), 2))}
 _MIDDLE = WINDOW_FRAMES // 2
 _CUBIC = np.linalg.pinv(np.vander((np.arange(WINDOW_FRAMES) - _MIDDLE) * DT, 4, increasing=True))
-_FIT = np.stack([_CUBIC[0], 2.0 * _CUBIC[2]])  # of the window's middle: place and acceleration
-# what the window has of each frame: centre of mass, foot points, which feet stand, planned velocity, phase of the
-# stride, and whether the frame is learnt from
+_FIT = np.stack([_CUBIC[0], 2.0 * _CUBIC[2]])  # at the window's middle: position and acceleration
+# columns of the window per frame: centre of mass, foot points, which feet stand, planned velocity, phase of the
+# stride, and whether the frame is used for learning
 _MASS, _POINTS, _STANDS, _VELOCITY = slice(3), slice(3, 11), slice(11, 13), slice(13, 15)
 _PHASE, _LEARNS, _COLUMNS = 15, 16, 17
 _TERMS = 1 + 2 * HARMONICS
@@ -105,7 +105,7 @@ _FOLLOWS, _SMOOTHS = 1.0 - decay(DISTANCE_HALF_LIFE_S), 1.0 - decay(SPEED_HALF_L
 
 
 def _mass_of_joints() -> tuple[Array, float]:
-    """Weights of the joints `(31,)` in the centre of mass, and how far that goes with a shift of the hips by 1."""
+    """Weights of the joints `(31,)` in the centre of mass, and its displacement for a hip shift of 1."""
     weights = np.zeros(len(SPORT_SKELETON))
     halves = [(side, segment) for side in ("Left", "Right") for segment in SIDE_SEGMENTS.values()]
     for side, (mass, proximal, distal, center) in [*halves, ("", HEAD_SEGMENT)]:
@@ -120,7 +120,7 @@ JOINT_MASSES, MASS_SHIFT = _mass_of_joints()
 
 
 def _one(*shape: int, start: Array | float = 0.0) -> Callable[[], Array]:
-    """Return what makes an array of one character."""
+    """Return a factory for the array of one character."""
     return lambda: np.zeros((1, *shape)) + start
 
 
@@ -131,28 +131,28 @@ class StrideBalance:
     window: Array = field(
         default_factory=_one(WINDOW_FRAMES, _COLUMNS), metadata={"shape": (WINDOW_FRAMES, _COLUMNS)}
     )
-    # of the ankles along the path: mean, last (m), speed (m/s)
+    # distance of the ankles along the path: mean, last (m), speed (m/s)
     distance: Array = field(default_factory=_one(3), metadata={"shape": (3,)})
-    # of the distance (m2) and its speed (m2/s2)
+    # mean squares of this distance (m2) and its speed (m2/s2)
     mean_squares: Array = field(default_factory=_one(2, start=0.05), metadata={"shape": (2,)})
-    # radians
+    # phase of the stride, radians
     phase: Array = field(default_factory=_one(), metadata={"shape": ()})
     frequency: Array = field(default_factory=_one(start=USUAL_FREQUENCY_RAD_PER_S), metadata={"shape": ()})
-    # m along and across the path, over what is usual: mean, cosine and sine of each harmonic
+    # m along and across the path, relative to the usual ones: mean, cosine and sine of each harmonic
     errors: Array = field(default_factory=_one(_TERMS, 2), metadata={"shape": (_TERMS, 2)})
-    # of the errors
+    # covariance of the errors
     covariance: Array = field(
         default_factory=_one(_TERMS, _TERMS, start=PRIOR_VARIANCE * np.eye(_TERMS)),
         metadata={"shape": (_TERMS, _TERMS)},
     )
-    # of the correction that is in force
+    # weight of the correction, 0 to 1
     fraction: Array = field(default_factory=_one(), metadata={"shape": ()})
-    # 1/s
+    # its change, 1/s
     fraction_speed: Array = field(default_factory=_one(), metadata={"shape": ()})
-    # X and Z of the centre of mass and its velocity, m and m/s, which the filter follows
+    # XZ position and velocity of the filtered centre of mass, m and m/s
     mass_place: Array = field(default_factory=_one(2), metadata={"shape": (2,)})
     mass_velocity: Array = field(default_factory=_one(2), metadata={"shape": (2,)})
-    # m, X and Z, of the hips in the last frame: what smooths, and all
+    # XZ shift of the hips in the last frame, m: by smoothing, and in total
     smoothing: Array = field(default_factory=_one(2), metadata={"shape": (2,)})
     shift: Array = field(default_factory=_one(2), metadata={"shape": (2,)})
 
@@ -169,7 +169,7 @@ class StrideBalance:
 
         `positions` `(N, 31, 3)` are the joints shown in the last frame, `ground` `(N,)` the height under them, `stands`
         whether the left and right foot stood, `velocity` `(N, 2)` the planned one (m/s), `steady` which characters walk
-        steadily, and `composed` how far their walk is from any captured one: only composed walks are smoothed.
+        steadily, and `composed` how unlike any captured walk theirs is: only composed walks are smoothed.
         """
         velocities = velocity.view(complex)[:, 0].tolist()
         paths = [_direction(each) for each in velocities]
@@ -190,7 +190,7 @@ class StrideBalance:
             self.shift = self.smoothing = np.zeros_like(velocity)
             return self.shift
         smoothing = [f * c * each for f, c, each in zip(in_force, composed, smoothing, strict=True)]
-        k = np.maximum(masses[:, 1], LEAST_HEIGHT_M)[:, None] / GRAVITY_M_PER_S2
+        k = np.maximum(masses[:, 1], MIN_HEIGHT_M)[:, None] / GRAVITY_M_PER_S2
         terms = _terms(self.phase.tolist()) / (1.0 + k * (_ORDERS * self.frequency[:, None]) ** 2)
         missing = [_limited(each / MASS_SHIFT, MAX_SHIFT_M) for each in self._missing(terms, velocities)]
         parts = zip(in_force, missing, paths, smoothing, strict=True)
@@ -200,12 +200,12 @@ class StrideBalance:
     def _follow_mass(
         self, places: Sequence[complex], velocities: Sequence[complex], paths: Sequence[complex]
     ) -> list[complex]:
-        """Follow the centres of mass; return by how far the hips are moved for them to move evenly."""
+        """Filter the centres of mass; return the hip shifts that make them move evenly."""
         followed, moved = [], []
         states = (self.mass_place, self.mass_velocity, self.window[:, -1, _VELOCITY])
         known = (each.view(complex)[:, 0].tolist() for each in states)
         for place, velocity, path, at, going, planned in zip(places, velocities, paths, *known, strict=True):
-            speed = going + velocity - planned  # a change of the plan is no shaking
+            speed = going + velocity - planned  # a change of the planned velocity is not shaking
             expected = at + DT * speed
             away = place - expected
             if max(abs(away.real), abs(away.imag)) > MAX_TRACKING_ERROR_M or not path:
@@ -221,7 +221,7 @@ class StrideBalance:
         return [_limited(each / MASS_SHIFT, MAX_SMOOTHING_M) for each in away_by]
 
     def _follow_phase(self, feet: Sequence[Sequence[complex]], paths: Sequence[complex]) -> None:
-        """Follow the phase of the stride by how far the ankles are apart along the path."""
+        """Follow the phase of the stride from the distance of the ankles along the path."""
         least, most = FREQUENCY_RANGE_RAD_PER_S
         made = []
         for points, path, (mean, last, speed), (square, speed_square), phase, frequency in zip(
@@ -251,7 +251,7 @@ class StrideBalance:
         self.phase, self.frequency = values[:, 5], values[:, 6]
 
     def _learn(self) -> None:
-        """Fit the harmonics to the error of the window's middle too: recursive least squares that forget."""
+        """Fit the harmonics to the error at the window's middle: recursive least squares with exponential forgetting."""
         middle = self.window[:, _MIDDLE]
         known = self.window[..., _LEARNS].min(-1)[:, None]
         terms = _terms(middle[:, _PHASE].tolist())
@@ -271,13 +271,13 @@ class StrideBalance:
         self.covariance = covariance * (1.0 + forgets * (1.0 / _KEEPS - 1.0))[:, None, None]
 
     def _missing(self, terms: Array, velocities: Sequence[complex]) -> list[complex]:
-        """Return the metres along and across the path that terms `(N, 9)` make of what is usual and what is learnt."""
+        """Return the usual plus learnt error, metres along and across the path, for harmonic terms `(N, 9)`."""
         squares = np.array([min(_square(each), MAX_USUAL_SPEED_M_PER_S**2) for each in velocities])
         made = terms[:, None] @ (self.errors + squares[:, None, None] * _USUAL)
         return made.view(complex)[:, 0, 0].tolist()
 
     def _fade(self, steady: Sequence[bool]) -> None:
-        """Bring the correction into force for who is `steady`, and out of it for all others."""
+        """Fade the correction in for `steady` characters, and out for all others."""
         now = zip(self.fraction.tolist(), self.fraction_speed.tolist(), steady, strict=True)
         faded = [damp(fraction, speed, float(on), FADE_HALF_LIFE_S, DT) for fraction, speed, on in now]
         kept = [each if max(each) > MIN_IN_FORCE_FRACTION else (0.0, 0.0) for each in faded]
@@ -285,9 +285,9 @@ class StrideBalance:
 
 
 def _error(fitted: Sequence[Sequence[float]], points: Sequence[complex], stands: Sequence[float]) -> complex:
-    """Return what the zero moment point lacks to the standing feet, metres, times the force on them over the weight."""
+    """Return the distance (m) of the zero moment point from the standing feet, times the force on them over body weight."""
     place, acceleration = fitted
-    weight = max(1.0 + acceleration[1] / GRAVITY_M_PER_S2, LEAST_WEIGHT_FRACTION)
+    weight = max(1.0 + acceleration[1] / GRAVITY_M_PER_S2, MIN_WEIGHT_FRACTION)
     error = place[1] / GRAVITY_M_PER_S2 * complex(acceleration[0], acceleration[2])
     if any(stands):
         zero_moment = complex(place[0], place[2]) - error / weight
@@ -299,7 +299,7 @@ def _error(fitted: Sequence[Sequence[float]], points: Sequence[complex], stands:
 
 
 def _to_line(point: complex, start: complex, end: complex) -> complex:
-    """Return the way from a point to the nearest one on a line between two others."""
+    """Return the vector from a point to the nearest point of a line segment."""
     line, there = end - start, point - start
     part = (there * line.conjugate()).real / max(_square(line), MIN_DIVISOR)
     return min(max(part, 0.0), 1.0) * line - there
@@ -312,21 +312,21 @@ def _terms(phases: Sequence[float]) -> Array:
 
 
 def _direction(velocity: complex) -> complex:
-    """Return a velocity over its speed; 0 of one that is 0."""
+    """Return the unit vector of a velocity; 0 for zero velocity."""
     return velocity / max(sqrt(_square(velocity)), MIN_SIZE)
 
 
 def _square(value: complex) -> float:
-    """Return the squared size of a complex number."""
+    """Return the squared magnitude of a complex number."""
     return value.real * value.real + value.imag * value.imag
 
 
 def _limited(value: complex, most: float) -> complex:
-    """Return a value either part of which is `most` at most, nearly as it was where it is small."""
+    """Return a value with both parts limited to `most`, nearly unchanged where they are small."""
     x, z = value.real / most, value.imag / most
     return complex(value.real / sqrt(1.0 + x * x), value.imag / sqrt(1.0 + z * z))
 
 
 def _pairs(values: Sequence[complex]) -> Array:
-    """Return the two parts `(N, 2)` of N complex numbers."""
+    """Return real and imaginary parts `(N, 2)` of N complex numbers."""
     return np.array(values).view(np.float64).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""What a model was measured to show of some codes: on which side it shows them better."""
+"""Measured left-right preference of a model: for some style codes, whether it shows them better than their mirror images."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from runtime.arrays import Float32Array
 from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
 from runtime.scalar_math import MIN_SIZE
 
-MIRROR_LEAD_FRACTION = 0.3  # fraction by which the mirror image of a code must be shown better than the code
-# the same of one limb, for which the network runs twice
+MIRROR_LEAD_FRACTION = 0.3  # lead of the mirror image over the code from which the walk is mirrored
+# the same for one limb, which costs a second run of the network
 LIMB_LEAD_FRACTION = 0.4
-# of a code's distance from neutral: what is farther from it says something else, and has nothing of its lead
+# of a code's distance from neutral: a code farther away is unrelated and does not inherit its lead
 SAME_SIDE_FRACTION = 0.6
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Measurements of how well a model shows some style codes; they are of the left side, and hold for mirrored codes too."""
+    """Measurements of how well a model shows some style codes of the left side; they hold for the mirrored codes too."""
 
-    parts: NDArray[np.int64]  # (n,) indices in `PART_NAMES`, of the part that each code is of
+    parts: NDArray[np.int64]  # (n,) index of each code's part in `PART_NAMES`
     codes: Float32Array  # (n, 64)
-    leads: Float32Array  # (n,) by which fraction a code is shown better than its mirror image, whose lead is the opposite
+    leads: Float32Array  # (n,) how much better a code is shown than its mirror image, as a fraction
     neutral: Float32Array  # (6, 64)
 
     def side_leads(self, z: Float32Array) -> Float32Array:
-        """Return how much better each part of Z^t `(6, 64)` is shown than its mirror image, `(6,)` fractions, by the nearest measured code."""
+        """Return, per part of Z^t `(6, 64)`, the lead over its mirror image (fraction) of the nearest measured code."""
         found = np.zeros(len(z), np.float32)
         for near in self._nearest(z):
             if near.off < SAME_SIDE_FRACTION:
@@ -37,7 +37,7 @@ class Calibration:
         return found
 
     def ways(self, leads: Float32Array) -> Ways:
-        """Return whether a style is walked mirrored, and whether some limbs are not, from the leads `(6,)` of its parts."""
+        """Return whether a style with these `leads` `(6,)` is walked mirrored, and whether limbs come from the opposite walk."""
         mirrored = bool(leads.sum() < -MIRROR_LEAD_FRACTION)
         return Ways(mirrored, any(self.other_limbs(leads, mirrored)))
 
@@ -47,7 +47,7 @@ class Calibration:
         return tuple(better.astype(float).tolist())
 
     def _nearest(self, z: Float32Array) -> Iterator[_Near]:
-        """The code nearest to each part, and to each part of the mirror image."""
+        """Yield the measured code nearest to each part, and to each part of the mirror image."""
         for sign, seen in ((1, z), (-1, mirrored_code(z))):
             for part in sorted(set(self.parts.tolist())):
                 (own,) = np.nonzero(self.parts == part)

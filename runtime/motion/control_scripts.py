@@ -3,10 +3,10 @@
 Text: "stand 2; walk 3; walk@90 3; jog@0*0.5 2; walk@90>0 2; jump 1". Segments `GAIT[@HEADING][*AMOUNT][>FACING] SECONDS`
 are separated by semicolons:
 
-- GAIT: stand, walk, jog, crouch or jump. `jump` presses the button at its beginning and leaves the stick where it was.
+- GAIT: stand, walk, jog, crouch or jump. `jump` presses the button at its beginning and keeps the stick position.
 - HEADING: degrees in the world; 0 is +Z, 90 is +X (the left of a character that faces +Z). Default 0.
-- AMOUNT: fraction of the full stick, 0 to 1. Default 1; `crouch*0` rests crouched.
-- FACING: degrees that the body faces whatever way it goes (strafing); without it, it faces where it goes.
+- AMOUNT: fraction of the full stick, 0 to 1. Default 1; `crouch*0` crouches in place.
+- FACING: degrees that the body faces in any direction of travel (strafing); by default it faces where it goes.
 - SECONDS: how long the segment lasts.
 
 After the last segment the stick is at rest.
@@ -34,13 +34,13 @@ GAITS = {gait.label: gait for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.ST
 
 CIRCLE_RADIUS_M = 3.0
 FIGURE_HALF_LENGTH_M = 4.0
-LOOK_AHEAD_M = 0.9  # the stick points at the place of the path that lies so far ahead
+LOOK_AHEAD_M = 0.9  # the stick points at the point of the path this far ahead
 AREA_M = 14.0  # random paths turn back at this distance from the origin
-STRETCHES = 4096  # of a random path: at least 100 minutes; then it begins again
-STRETCH_RANGE_S, TURN_DEVIATION_RAD = (1.5, 4.0), 1.2  # of each, and of its turn from the one before
-STICK_FRACTIONS = (0.0, 0.6, 1.0, 1.0, 1.0)  # of the full stick, alike in number: at rest, slow, full
-HOME_OFFSET_RAD = 0.4  # beside the origin, to one side and the other, when it turns back
-CIRCLE_POINTS, FIGURE_POINTS, FINE_POINTS = 240, 400, 2001  # of the paths; of a curve to measure its length
+STRETCHES = 4096  # straight parts of a random path: at least 100 minutes; then it repeats
+STRETCH_RANGE_S, TURN_DEVIATION_RAD = (1.5, 4.0), 1.2  # duration of each, and turn from the one before
+STICK_FRACTIONS = (0.0, 0.6, 1.0, 1.0, 1.0)  # of the full stick, equally likely: at rest, slow, full
+HOME_OFFSET_RAD = 0.4  # beside the origin, alternately left and right, where it turns back to
+CIRCLE_POINTS, FIGURE_POINTS, FINE_POINTS = 240, 400, 2001  # points per path; to measure a curve's length
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ ControlScript = Callable[[float, PlanarPose], Controls]  # seconds since the sta
 def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> ControlScript:
     """Return the control script of one of `PATH_NAMES` in one of `GAITS`; `speed` 0..1 is the fraction of the full stick.
 
-    The same arguments, time and place give the same controls. UsageError names an unknown one.
+    The same arguments, time and place give the same controls. Raises UsageError for an unknown name.
     """
     if gait not in GAITS:
         raise UsageError(f" {gait}: expected {', '.join(GAITS)}.", "Choose one of them.", "gait")
@@ -86,7 +86,7 @@ def _towards(place: PlanarPose, x: float, z: float, speed: float) -> tuple[float
 def _along(curve: Array, place: PlanarPose, speed: float) -> tuple[float, float]:
     """Stick towards the point of the closed curve `(N, 3)` (x, z, heading) ahead of the nearest one.
 
-    Where the curve crosses itself the branch that the character faces is the near one.
+    Where the curve crosses itself, the branch that the character faces is taken.
     """
     turn = np.abs(np.remainder(curve[:, 2] - place.yaw + pi, tau) - pi)
     away = (curve[:, 0] - place.x) ** 2 + (curve[:, 1] - place.z) ** 2
@@ -97,7 +97,7 @@ def _along(curve: Array, place: PlanarPose, speed: float) -> tuple[float, float]
 
 
 def _circle() -> Array:
-    """Clockwise (seen from above, towards +X) circle through the origin, which it leaves along +Z."""
+    """Circle through the origin, clockwise from above, leaving the origin along +Z."""
     t = np.linspace(0.0, tau, CIRCLE_POINTS, endpoint=False)
     x, z = CIRCLE_RADIUS_M * (1.0 - np.cos(t)), CIRCLE_RADIUS_M * np.sin(t)
     return np.stack([x, z, t], axis=-1)
@@ -115,7 +115,7 @@ def _figure8() -> Array:
 
 
 def _random_script(gait: Gait, speed: float, seed: int) -> ControlScript:
-    """A new direction and stick length every 1.5 to 4 s, sometimes none; back to the middle from outside."""
+    """A new direction and stick length every 1.5 to 4 s, sometimes none; back to the centre from outside the area."""
     rng = np.random.default_rng(seed)
     ends = np.cumsum(rng.uniform(*STRETCH_RANGE_S, STRETCHES))
     headings = np.cumsum(rng.normal(0.0, TURN_DEVIATION_RAD, STRETCHES))
@@ -134,12 +134,12 @@ def _random_script(gait: Gait, speed: float, seed: int) -> ControlScript:
 
 
 MAX_POINTS = 500
-ARRIVED_M = 0.3  # of the way left
-SLOWING_M = 1.2  # over the last of the way the stick goes back,
-MIN_STICK_FRACTION = 0.4  # not further than this
-SEARCH_M = 2.0  # ahead of the progress so far: where a path crosses itself, the other branch is not taken
-SEARCH_POINTS = 41  # on these
-STUCK_SECONDS, STUCK_M = 4.0, 0.15  # with less progress than this in so long, the walk ends
+ARRIVED_M = 0.3  # remaining distance at which the walk has arrived
+SLOWING_M = 1.2  # the stick eases back over this last distance,
+MIN_STICK_FRACTION = 0.4  # but no further than this
+SEARCH_M = 2.0  # ahead of the present progress; keeps the branch where a path crosses itself
+SEARCH_POINTS = 41  # number of points searched
+STUCK_SECONDS, STUCK_M = 4.0, 0.15  # the walk ends after less progress than this in this time
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class PointPath:
 
 @dataclass
 class PathWalk:
-    """A `ControlScript` along a path; it remembers how far the character has come."""
+    """A `ControlScript` along a path, with the character's progress."""
 
     path: PointPath
     corners: Array  # (n + 1, 2) x and z, metres
@@ -189,7 +189,7 @@ class PathWalk:
     progress: float = 0.0  # metres along the path
     arrived: bool = False
     stuck: bool = False
-    _mark: tuple[float, float] = field(default=(0.0, 0.0))  # seconds and progress when it last went on
+    _mark: tuple[float, float] = field(default=(0.0, 0.0))  # seconds and progress when it last advanced
 
     @property
     def ended(self) -> bool:
@@ -197,7 +197,7 @@ class PathWalk:
         return self.arrived or self.stuck
 
     def __call__(self, time: float, place: PlanarPose) -> Controls:
-        """The stick at a time (seconds since the start) and place."""
+        """Return the controls at a time (seconds since the start) and place."""
         self.progress = max(self.progress, self._nearest(place))
         left = float(self.ends[-1]) - self.progress
         away = hypot(self.corners[-1][0] - place.x, self.corners[-1][1] - place.z)
@@ -223,7 +223,7 @@ class PathWalk:
         return x, z
 
     def _nearest(self, place: PlanarPose) -> float:
-        """Metres along the path of its nearest point within reach of the progress so far."""
+        """Metres along the path of the nearest point within reach of the present progress."""
         along = np.linspace(self.progress, min(self.progress + SEARCH_M, float(self.ends[-1])), SEARCH_POINTS)
         x, z = (np.interp(along, self.ends, self.corners[:, k]) for k in (0, 1))
         return float(along[int(np.argmin((x - place.x) ** 2 + (z - place.z) ** 2))])
@@ -234,7 +234,7 @@ EXAMPLE = "stand 2; walk 3; walk@90 3; jog@0*0.5 2; jump 1"
 MAX_SECONDS = 24 * 3600.0
 MAX_CHARACTERS = 100_000
 PRESS_SECONDS = 0.1  # how long the jump button is down
-ROUNDING_S = 1e-9  # of a sum of times
+ROUNDING_S = 1e-9  # rounding error of a sum of times
 
 _NUMBER = r"[-+]?\d{1,9}(?:\.\d{0,9})?"
 _FORM = re.compile(
@@ -287,12 +287,12 @@ class StickScript:
 
     @cached_property
     def _ends(self) -> list[float]:
-        """Seconds since the start, of each segment."""
+        """Seconds since the start at the end of each segment."""
         return list(accumulate(segment.seconds for segment in self.segments))
 
     @cached_property
     def _held(self) -> list[Controls]:
-        """What each segment requests; in a jump, what the one before it does."""
+        """Controls of each segment; a jump keeps those of the segment before it."""
         held, controls = [], Controls()
         for segment in self.segments:
             controls = controls if segment.gait == Gait.JUMP else segment.controls
@@ -300,7 +300,7 @@ class StickScript:
         return held
 
     def __call__(self, time: float, _place: PlanarPose | None = None) -> Controls:
-        """The stick at `time`; at rest after the end."""
+        """Return the controls at `time`; at rest after the end."""
         k = bisect_right(self._ends, time, key=lambda end: end - ROUNDING_S)
         if k == len(self.segments):
             return Controls()

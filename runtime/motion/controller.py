@@ -1,4 +1,4 @@
-"""The handle of one character, a state and what it is driven by, and crowds of them. `runtime.motion.frame` has what a frame does."""
+"""The controller of one character (its state and settings), and crowds of them. `runtime.motion.frame` computes a frame."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from runtime.traversal.traversal import Traversal
 
 log = logging.getLogger("sport.controller")
 
-TEMPERATURE = 0.7  # of the sampler: livelier than its mean, nearer to the capture than 1 (docs/model.md)
+TEMPERATURE = 0.7  # of the sampler: livelier than the mean, closer to the captures than 1 (docs/model.md)
 SETTLE_SECONDS = 2.0
 FAULT = "The motion network gave values that are not finite; the character was reset."
 
 
 def _check(**numbers: float) -> None:
-    """UsageError for a number that would make all later poses none."""
+    """Raise UsageError for a number that would make all later poses NaN."""
     for name, value in numbers.items():
         if not np.isfinite(value):
             raise UsageError(f"Controller: {name} {value}: expected a finite number.", "Give a number.")
@@ -66,7 +66,7 @@ class Controller:
         self._frame: Frame | None = None
         self.response = response  # 0: starts, stops and turns as in capture, 1: as in a game
         self.seed = seed
-        self.message = ""  # the network's fault in this frame, for the status line
+        self.message = ""  # description of the network's failure in this frame, for the status line
         self._folder = StyleFolder(model.fold_style, strength, model.calibration)
         self._stand(StyleBlend.constant(model.neutral, strength, self._folder.fold), 0.0, 0.0, 0.0)
 
@@ -108,18 +108,18 @@ class Controller:
             self._state.walkable = WalkableShare()
 
     def twin(self) -> Controller:
-        """Return a new controller with the same model, terrain and settings, to resimulate a take next to this one."""
+        """Return a new controller with the same model, terrain and settings, to resimulate a take alongside this one."""
         return Controller(self.model, self.terrain, self.seed, self.temperature, self.strength, self.response)
 
     @property
     def strength(self) -> float:
-        """Style strength: 0 is neutral walking, 1 as the model shows it, more exaggerates."""
+        """Style strength: 0 is neutral walking, 1 is as the model produces it, more exaggerates."""
         return self._folder.strength
 
     @strength.setter
     def strength(self, value: float) -> None:
         _check(strength=value)
-        if value == self.strength:  # set in every frame: a blend under way goes on as it is
+        if value == self.strength:  # called every frame: do not restart a blend in progress
             return
         self._folder = StyleFolder(self.model.fold_style, value, self.model.calibration)
         self._restyle(self._state.styles[0].at_strength(value, self._folder.fold))
@@ -217,20 +217,22 @@ class Controller:
         return self._pose
 
 
-MOST = 64  # characters
-TOGETHER = 4  # from which on they are moved in full precision, by one call of the network for each thread
+MAX_CHARACTERS = 64  # characters
+MIN_BATCH_CHARACTERS = 4  # from this many on, they run in full precision with one network call per thread
 
 
 class Crowd:
-    """Steps several controllers of one model and terrain together; each keeps its own style, seed, strength and place.
+    """Steps several controllers with one model and terrain together; each keeps its own style, seed, strength and place.
 
-    Fewer than TOGETHER are bit-identical to stepping alone; for more, the first step loads the model in full precision.
-    Raises UsageError for none, for more than MOST, and for controllers of several models or terrains.
+    Fewer than MIN_BATCH_CHARACTERS are bit-identical to stepping alone; for more, the first step loads the model in full precision.
+    Raises UsageError for none, for more than MAX_CHARACTERS, and for controllers of several models or terrains.
     """
 
     def __init__(self, members: Sequence[Controller]) -> None:
-        if not 1 <= len(members) <= MOST:
-            raise UsageError(f"Crowd: {len(members)} characters; expected 1 to {MOST}.", "Take fewer.")
+        if not 1 <= len(members) <= MAX_CHARACTERS:
+            raise UsageError(
+                f"Crowd: {len(members)} characters; expected 1 to {MAX_CHARACTERS}.", "Take fewer."
+            )
         if any(m.model is not members[0].model or m.terrain is not members[0].terrain for m in members):
             raise UsageError("Crowd: characters of several models or grounds.", "Give all the same.")
         self.members = tuple(members)
@@ -256,7 +258,7 @@ class Crowd:
         sticks = [controls] * len(self.members) if isinstance(controls, Controls) else controls
         halves = self.members[:middle], self.members[middle:]
         model = self.members[0].model
-        model = model.in_full if len(self.members) >= TOGETHER else model
+        model = model.in_full if len(self.members) >= MIN_BATCH_CHARACTERS else model
         other = self._helper.submit(_stepped, model, halves[0], sticks[:middle]) if middle else None
         frames = _stepped(model, halves[1], sticks[middle:])
         frames = frames if other is None else other.result() + frames
@@ -266,7 +268,7 @@ class Crowd:
 def _stepped(
     model: MotionModel, members: Sequence[Controller], controls: Sequence[Controls]
 ) -> list[tuple[CharacterState, Frame]]:
-    """The states 1/60 s later, and frames, of characters that are moved together."""
+    """Return the new states and frames of characters that are stepped together."""
     first = members[0]
     state, frame = step(
         model,

@@ -1,7 +1,7 @@
-"""Elbows of the shown pose that do not pop: a network far from its data bends one by 6 to 9 degrees in a single frame.
+"""Limits the acceleration of the elbows: a network far from its data bends them by 6 to 9 degrees in a single frame.
 
-What is shown follows the incoming flexion as fast as an elbow speeds up and slows down; the network is fed its own pose. Hardly a
-frame of a captured style's walk is changed.
+The shown flexion follows the incoming one with limited acceleration and braking; the network is fed its own pose. In captured
+styles hardly a frame changes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from runtime.skeleton import SPORT_SKELETON
 
 FOREARMS = [SPORT_SKELETON.index("LeftForeArm"), SPORT_SKELETON.index("RightForeArm")]
 MAX_BEND_RAD_PER_FRAME2 = radians(5.5)  # captured elbows stay below 6 degrees
-BRAKING_RAD_PER_FRAME2 = radians(3.0)  # with which one comes to what is requested
+BRAKING_RAD_PER_FRAME2 = radians(3.0)  # deceleration towards the incoming flexion
 STRAIGHT_SINE = 0.05  # of the flexion: a straighter elbow has no axis
 
 
@@ -31,12 +31,12 @@ class Elbows:
     """Flexion of the left and the right elbow of N characters, radians `(N, 2)`, from frame to frame."""
 
     shown: Array = field(default_factory=_unknown, metadata={"shape": (2,)})
-    speed: Array = field(default_factory=_unknown, metadata={"shape": (2,)})  # of the shown one, a frame
+    speed: Array = field(default_factory=_unknown, metadata={"shape": (2,)})  # of the shown one, per frame
     incoming: Array = field(default_factory=_unknown, metadata={"shape": (2,)})
-    known: Array = field(default_factory=lambda: np.zeros(1), metadata={"shape": ()})  # 1 where these are
+    known: Array = field(default_factory=lambda: np.zeros(1), metadata={"shape": ()})  # 1 where known
 
     def apply(self, local: Array, free: Sequence[bool]) -> None:
-        """Bend the elbows of local rotations `(N, 31, 4)` in place; who is not `free` holds on to something."""
+        """Bend the elbows of local rotations `(N, 31, 4)` in place; a character that is not `free` holds on to something."""
         pairs = []
         numbers = zip(self.shown.tolist(), self.speed.tolist(), self.incoming.tolist(), strict=True)
         bodies = zip(local.take(FOREARMS, 1).tolist(), numbers, self.known.tolist(), free, strict=True)
@@ -51,9 +51,9 @@ class Elbows:
 def _followed(
     q: Quaternion, shown: float, speed: float, incoming: float, follows: bool
 ) -> tuple[Quaternion, float, float]:
-    """Return the local rotation of a forearm to show, of one that comes with `q`, its flexion and the shown one (radians)."""
+    """Return the shown local rotation of a forearm, its flexion and flexion speed, from the incoming rotation `q` (radians)."""
     w, x, y, z = q
-    # across the upper arm, in which its bone is +-X: where the forearm points
+    # direction of the forearm across the upper arm, whose bone is +-X
     up, ahead = 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
     sine = hypot(up, ahead)
     flexion = atan2(sine, 1.0 - 2.0 * (y * y + z * z))

@@ -29,15 +29,15 @@ PHASE_OFFSETS = np.arange(-60, 61, SAMPLE_STEP)
 FUTURE_OFFSETS = TRAJECTORY_OFFSETS[L // 2 :]
 FUTURE_PHASE_OFFSETS = PHASE_OFFSETS[L // 2 :]
 HEIGHT_SPACING_M = 0.25  # metres between the right, centre and left height samples
-BETWEEN = np.arange(1, 6) / 6.0  # places between two height samples where something narrow is looked for
-# places (12, 7) of the path around each sample, to the middle between both: the sample before, and what share the next one has
+BETWEEN = np.arange(1, 6) / 6.0  # positions between two height samples where narrow obstacles are looked for
+# weights (12, 7) of the path around each sample, up to the middle between two: the sample before, and the fraction of the next
 _AROUND = np.clip(np.arange(L)[:, None] + np.arange(-3, 4) / 6.0, 0.0, L - 1.0)
 _FIRST = np.minimum(_AROUND.astype(int), L - 2)
 _SHARE = (_AROUND - _FIRST)[..., None]
 SEEN_RISE_FRACTION = (
-    0.12  # fraction of the rises of ground with edges that the network sees: steeper, it gives its style up
+    0.12  # of the rise of edged ground that the network sees: more would make it lose the style
 )
-NARROW_M = 0.05  # that it stands higher than both of them; less is rough ground
+MIN_NARROW_RISE_M = 0.05  # minimum height of a narrow obstacle above both neighbours; less is rough ground
 
 
 def _layout(*fields: tuple[str, int]) -> tuple[dict[str, slice], int]:
@@ -115,11 +115,11 @@ def height_points(positions: Array, directions: Array) -> Array:
 def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tuple[Array, Array]:
     """Return XZ points `(..., 12, 3, 2)` of trajectory samples and their heights `(..., 12, 3)`, right, centre and left.
 
-    Samples are up to half a metre apart: something higher between two of them, such as a hurdle, counts for the nearer.
+    Samples are up to half a metre apart: a narrow obstacle between two of them, such as a hurdle, counts for the nearer.
     """
     points = height_points(positions, directions)
     heights = terrain.height(points[..., 0], points[..., 1])
-    if terrain.steepest * RUN_M < EDGE_M:  # nothing stands out of this ground
+    if terrain.steepest * RUN_M < EDGE_M:  # no obstacle stands out of this ground
         return points, heights
     t = BETWEEN[:, None]
     places = (1.0 - t) * positions[..., :-1, None, :] + t * positions[..., 1:, None, :]
@@ -127,7 +127,7 @@ def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tu
     between = height_points(places, nearer)  # (..., 11, 5, 3, 2)
     ends = np.maximum(heights[..., :-1, :], heights[..., 1:, :])
     above = terrain.height(between[..., 0], between[..., 1]) - ends[..., None, :]
-    above = np.where(above > NARROW_M, above, np.float32(0.0))
+    above = np.where(above > MIN_NARROW_RISE_M, above, np.float32(0.0))
     behind = int(np.argmax(BETWEEN > 0.5))
     most = np.zeros_like(heights)
     most[..., :-1, :] = above[..., :behind, :].max(-2)
@@ -142,9 +142,9 @@ def mean_heights(terrain: Terrain, positions: Array) -> Array:
 
 
 def softened(heights: Array) -> Array:
-    """Return path heights `(..., 12)` with edges flattened towards the ground around the body, as the network is to see them.
+    """Return path heights `(..., 12)` with edges flattened towards the ground around the body, as input of the network.
 
-    Steep stairs would make the network lose its style; the foot lock finds the treads by itself.
+    Steep stairs would make the network lose its style; the foot lock finds the treads.
     """
     middle = L // 2
     here = heights[..., middle - 1 : middle + 2].mean(-1, keepdims=True)
@@ -175,7 +175,7 @@ class InputParts:
 
 
 def build_input(parts: InputParts, ground: Array | None = None) -> Array:
-    """Return the network input x `(..., 472)` of one frame, not normalised; `ground` is the `ground_height` where it is known."""
+    """Return the network input x `(..., 472)` of one frame, not normalised; `ground` is the `ground_height`, if known."""
     lead = np.shape(parts.root_yaw)
     yaw = np.asarray(parts.root_yaw)[..., None]
     centred = parts.trajectory_positions - parts.root_position[..., None, :]

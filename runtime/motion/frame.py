@@ -1,6 +1,6 @@
-"""One frame of N characters: `step` reads from top to bottom what happens in 1/60 s.
+"""One frame of N characters: `step` shows the whole sequence of 1/60 s from top to bottom.
 
-The same function moves one character and a crowd.
+The same function steps one character and a crowd.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from runtime.traversal.plan import decide
 from runtime.traversal.traversal import end_when_over
 from runtime.traversal.traversal_frame import seen_heights, traversal_pose
 
-MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
-REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay
-MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
-STEADY_SPEED_FRACTION = 0.7  # of the plan's speed: slower, a body that starts to walk does not swing yet
-# radians a second, over so many frames: faster, a walk turns
+MAX_OUTPUT = 1e4  # metres, m/s, rad/s: larger outputs are faults, and would lose bone lengths to rounding
+REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight remain
+MIN_GAIT_SPEED_M_PER_S = 0.3  # m/s; slower, feet may rest for a while without a stall
+STEADY_SPEED_FRACTION = 0.7  # of the planned speed: below it, a body is still starting and does not swing yet
+# radians a second, averaged over this many frames: faster, the walk is turning
 TURN_FRAMES, MAX_WALKING_TURN_RAD_PER_S = 6, 0.7
-MAX_LIFT_M_PER_S = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
-# that a jogging knee is bent at least: captured jogs straighten to 11 to 25 degrees, the network's to 3
+MAX_LIFT_M_PER_S = 3.0  # m/s, of the ground height under the body: jogging up a wall of 1 m takes 2.5
+# minimum flexion of a jogging knee: captured jogs extend to 11 to 25 degrees, the network's to 3
 JOGGING_KNEE_RAD = radians(12.0)
 FUTURE = len(features.FUTURE_OFFSETS)
 NECK = SPORT_SKELETON.index("Neck")
@@ -61,8 +61,8 @@ class Frame(NamedTuple):
 
     hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyframed
     local: Array  # (N, 31, 4)
-    reasons: tuple[str | None, ...]  # why a character does not go on
-    faults: Flags  # (N,) the network's output was no motion (`MAX_OUTPUT`): the character stands again
+    reasons: tuple[str | None, ...]  # why a character is blocked
+    faults: Flags  # (N,) the network's output was invalid (`MAX_OUTPUT`): the character was reset to standing
 
     def part(self, index: int) -> Frame:
         """Return the frame of one character."""
@@ -88,7 +88,7 @@ def step(
 
     probes = probe_paths(model, state, controls, terrain)
     request = read_request(state, controls, probes, styles)
-    # before an obstacle, and while one is crossed, a body does at once what it has to
+    # at an obstacle the body responds without smoothing
     haste = [
         1.0 if probe.finds or traversal.kind else usual
         for probe, traversal, usual in zip(probes, state.traversals, response, strict=True)
@@ -99,9 +99,9 @@ def step(
     noise = _noise(model, state, temperature)
     state.frame = state.frame + 1
     flat = _network(model, x, noise, styles)
-    sound: Flags = np.maximum.reduce(np.abs(flat), -1) < MAX_OUTPUT  # false for what is not a number
+    sound: Flags = np.maximum.reduce(np.abs(flat), -1) < MAX_OUTPUT  # also false for NaN
     if not all(sound.tolist()):
-        flat[~sound] = 0.0  # these stand again, below
+        flat[~sound] = 0.0  # these characters are reset below
     y = split_output(flat.astype(np.float64))
 
     local, joints = settled_pose(state, *network_pose(y), y.contacts)
@@ -110,7 +110,7 @@ def step(
     if any(inertialised):
         hips = joints[inertialised, 0]
         joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips, local[inertialised])[0]
-    # the feet of a calm body stay where they are
+    # the feet of a settled body stay in place
     contacts = np.maximum(
         np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.settling.fraction[:, None]
     )
@@ -134,7 +134,7 @@ def step(
 
 
 def _steady(state: CharacterState, speed: Array) -> list[bool]:
-    """Return which characters, of a root speed `(N,)` in m/s, move on straight ahead, rather than start, stop, turn or jump."""
+    """Return which characters, at root speeds `(N,)` in m/s, walk steadily ahead, rather than start, stop, turn or jump."""
     turned = state.trajectory.yaw[:, PRESENT] - state.trajectory.yaw[:, PRESENT - TURN_FRAMES]
     numbers = (state.wished_speed, speed, state.requested_speed, turned)
     most = MAX_WALKING_TURN_RAD_PER_S * TURN_FRAMES * DT
@@ -152,7 +152,7 @@ def _steady(state: CharacterState, speed: Array) -> list[bool]:
 def _undisturbed(
     state: CharacterState, probes: Sequence[ObstacleProbe], steady: Sequence[bool]
 ) -> list[bool]:
-    """Return which of the `steady` characters have no obstacle ahead, cross none, and are on no beam."""
+    """Return which of the `steady` characters have no obstacle ahead, traverse none, and are on no beam."""
     return [
         goes and probe is CLEAR and not traversal.kind and not feet.on_beam
         for goes, probe, traversal, feet in zip(steady, probes, state.traversals, state.feet, strict=True)
@@ -162,7 +162,7 @@ def _undisturbed(
 def _watch_strides(
     state: CharacterState, even: Sequence[bool], balanced: Sequence[bool], composed: Sequence[float]
 ) -> list[Vector]:
-    """Return the metres by which the hips of who is to be `balanced` are moved; watches how they walk on `even` ground."""
+    """Return the hip displacements (metres) of `balanced` characters; updates their walkability from walks on `even` ground."""
     stands = [(bool(left), bool(right)) for left, right in (feet.held for feet in state.feet)]
     heights = state.poses.hips[:, 1].astype(np.float64) - state.ground
     walks = (state.trajectory.gait[:, PRESENT, Gait.JOG] < 0.5).tolist()
@@ -175,7 +175,7 @@ def _watch_strides(
 
 
 def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terrain) -> Array:
-    """x `(N, 472)`; writes the ground that the bodies are placed over."""
+    """x `(N, 472)`; updates the ground height under the bodies."""
     path, present = state.trajectory, features.L // 2
     positions, yaw = path.xz.take(SAMPLES, 1), path.yaw.take(SAMPLES, 1)
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
@@ -209,7 +209,7 @@ def _input(state: CharacterState, probes: Sequence[ObstacleProbe], terrain: Terr
 
 
 def _noise(model: MotionModel, state: CharacterState, temperature: Sequence[float]) -> list[Array]:
-    """The sampler's noise of every character, less while it stands."""
+    """Return the sampler's noise of every character, reduced while it stands."""
     shape, stands = (1, *model.noise_shape), state.trajectory.gait[:, PRESENT, Gait.STAND].tolist()
     return [
         drifting_noise(shape, seed, frame * DT, max(most * (1.0 - (1.0 - REST_TEMPERATURE) * still), 0.0))
@@ -223,7 +223,7 @@ def _network(model: MotionModel, x: Array, noise: Sequence[Array], styles: Seque
     """y `(N, 473)`.
 
     In full precision many characters are one batch. With 8-bit weights each has a call of its own: activations are scaled
-    by the largest of a call, so that in a batch every character would depend on its neighbours.
+    by the largest in a call, so that in a batch every character would depend on its neighbours.
     """
     if model.batches and len(x) > 1:
         return model.step(x, np.concatenate(noise), styles)[0]
@@ -240,20 +240,20 @@ def _plant(
     even: Sequence[bool],
     terrain: Terrain,
 ) -> tuple[Array, Array]:
-    """Write the poses to show: keyed over an obstacle, else the network's with planted feet, edited as its words ask.
+    """Compute the poses to show: keyframed over an obstacle, else the network's with planted feet and the prompt's body edits.
 
     Returns hips `(N, 3)` and local rotations `(N, 31, 4)` before the foot lock.
     """
     unlocked = hips.copy(), local.copy(), contacts
     shown_hips, shown_local = np.empty_like(hips), np.empty_like(local)
-    turned = []  # of each character: local rotations of the last frame, and the limbs that walls turn
+    turned = []  # per character: local rotations of the last frame, and the limbs that walls may turn
     for i, traversal in enumerate(state.traversals):
         if traversal.kind:
             shown, before, limbs = _keyframed(state, i, unlocked, terrain), state.poses.local[i], KEYFRAMED
         else:
             stood = state.feet[i].feet[0].incoming is not None
             shown = _on_feet(state, i, unlocked, joints[i], shifts[i], even[i], terrain)
-            # a body that did not stand is on ground that has just come under it
+            # a body that was not standing is on ground that has just appeared under it
             before, limbs = state.poses.local[i] if stood else shown[1], LIMBS
         shown_hips[i], shown_local[i] = shown
         turned.append((before, limbs))
@@ -307,9 +307,9 @@ def _on_feet(
 
 
 def _edit_request(state: CharacterState, index: int, joints: Array) -> EditRequest | None:
-    """What the parts of a character are to show, whose network's own joints `(31, 3)` are relative to its root.
+    """Return the body edits of a character, whose network joints `(31, 3)` are relative to its root.
 
-    None where its words ask for nothing, nothing is added, and the trunk is not about to fold.
+    None if its prompt asks for none, none is fading out, and the trunk is not about to fold.
     """
     style, edits, path = state.styles[index].style, state.edits[index], state.trajectory
     shown = path.gait[index, PRESENT]
@@ -333,7 +333,7 @@ def _cross(
     probes: Sequence[ObstacleProbe],
     styles: Sequence[Style],
 ) -> None:
-    """End a traversal, or begin one from the pose to show."""
+    """End a traversal, or begin one from the shown pose."""
     for i, (traversal, feet) in enumerate(zip(state.traversals, state.feet, strict=True)):
         if traversal.kind:
             if end_when_over(traversal):
@@ -353,25 +353,25 @@ def _feed_back(
     terrain: Terrain,
     response: Sequence[float],
 ) -> None:
-    """Next frame's body, rhythm and trajectory: of the network's own pose on the fixed skeleton, before foot lock.
+    """Compute the next frame's input: body, phase and trajectory from the network's pose on the fixed skeleton, before foot lock.
 
-    Poses after foot lock were tried by none of the training data; the network would drift away on them. Arms that
-    are held back while styles blend are fed back as they are shown, so that it goes on from where they are.
+    Training data has no poses after foot lock; the network would drift away on them. Arms that are held back
+    while styles blend are fed back as they are shown, so that the network continues from there.
     """
     path = state.trajectory
     yaw = path.yaw[:, PRESENT]
     paces = [jump.pace for jump in state.jumps]
     rates, slowed = np.array(paces), state.settling.rate
-    if any(pace != 1.0 for pace in paces):  # a rhythm that is held back: the body has come a part of its way
+    if any(pace != 1.0 for pace in paces):  # in slowed time the body moves part of the way
         joints = state.joints + rates[:, None, None] * (joints - state.joints)
     state.joints = joints
     state.velocities = y.joint_velocities * slowed[:, None, None]
     state.phase = at_rate(state.phase, advance_phase(state.phase, y.phase), rates * slowed)
     resting = path.gait[:, PRESENT, Gait.STAND]
 
-    # the speed at which feet should be stepping: 0 at rest, in a jump, and while the root has not set off
+    # the speed at which feet should be stepping: 0 at rest, in a jump, and until the root has started
     steps = [
-        requested if measured > 0.5 * requested > 0.5 * MIN_GAIT_SPEED and not jump.active else 0.0
+        requested if measured > 0.5 * requested > 0.5 * MIN_GAIT_SPEED_M_PER_S and not jump.active else 0.0
         for requested, measured, jump in zip(
             state.requested_speed.tolist(), state.measured_speed.tolist(), state.jumps, strict=True
         )
@@ -392,7 +392,7 @@ def _feed_back(
 def _set_back(
     model: MotionModel, before: CharacterState, state: CharacterState, sound: Flags, terrain: Terrain
 ) -> CharacterState:
-    """The state in which characters after a fault of the network (not `sound`) stand where they stood."""
+    """Return the state in which characters with an invalid network output (not `sound`) stand where they stood."""
     if all(sound.tolist()):
         return state
     members = [part(state, i) for i in range(len(state))]

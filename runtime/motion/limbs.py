@@ -1,6 +1,6 @@
-"""Limbs of the shown pose near walls: what would be in the ground hangs down, and none turns faster than joints do.
+"""Limbs of the shown pose near walls: a limb that would be in the ground hangs down, within the usual joint speeds.
 
-Only what is shown: the network goes on with its own pose. On ground without walls nothing is done here.
+Only the shown pose changes: the network is fed its own. Ground without walls needs none of this.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
-HANGING_FRACTIONS = np.linspace(0.0, 1.0, 9)  # of the way from the incoming limb to one that hangs
-# of the way of one joint, where a limb is looked at that goes round the ground
+HANGING_FRACTIONS = np.linspace(0.0, 1.0, 9)  # interpolation from the incoming limb to a hanging one
+# interpolation of each joint on a way around the ground
 TURN_FRACTIONS = np.linspace(0.0, 1.0, 7)
-SHALLOW_M = 0.25  # that a limb may be in the ground rather than go through it
-# radians in a frame, of an arm or a leg: 42 rad/s, faster than a pitcher's forearm
+SHALLOW_M = 0.25  # depth up to which a limb may stay in the ground rather than pass through it
+# per frame, arms and legs: 42 rad/s, faster than a pitcher's forearm
 MAX_TURN_RAD_PER_FRAME = 0.7
-# and of an arm that is not in a wall: one that came back at once would flicker
+# of an arm that is not in a wall: returning at once, it would flicker
 MAX_ARM_TURN_RAD_PER_FRAME = 0.15
 ARM_TURNS_RAD_PER_FRAME = (MAX_ARM_TURN_RAD_PER_FRAME, MAX_TURN_RAD_PER_FRAME)
 _ARMS, _LEGS = [18, 19, 20, 25, 26, 27], [2, 3, 4, 7, 8, 9]
@@ -32,15 +32,15 @@ _DOWN = np.array([0.0, -1.0, 0.0])
 class Limb:
     """An arm or a leg that is kept out of walls."""
 
-    upper: int  # joints: of the shoulder or hip,
-    lower: int  # of the elbow or knee,
-    rest: tuple[int, ...]  # and what follows
-    free_m: tuple[float, ...]  # it is kept so far from a wall, or else so far,
-    sunk_m: float  # and none of its joints deeper than so much under the ground
-    # radians about Y of an elbow or knee that it may hang with; None as it is
+    upper: int  # joint indices: shoulder or hip,
+    lower: int  # elbow or knee,
+    rest: tuple[int, ...]  # and all below
+    free_m: tuple[float, ...]  # distance kept from a wall, in order of preference
+    sunk_m: float  # how deep its joints may be under the ground
+    # elbow or knee angles (radians about Y) of the hanging limb; None keeps it
     bends: tuple[float | None, ...]
-    steps: bool = False  # it goes round ground on its way to where it is less deep
-    # radians a frame: the first with which it comes out of the ground
+    steps: bool = False  # it may move around the ground to a shallower position
+    # radians per frame, tried in this order until it leaves the ground
     turns: tuple[float, ...] = (MAX_TURN_RAD_PER_FRAME,)
 
 
@@ -48,7 +48,7 @@ _LEFT_ARM = Limb(18, 19, (20, 21, 22, 23), (0.2, 0.1, 0.0), 0.1, (0.0, -2.4), tu
 _RIGHT_ARM = replace(_LEFT_ARM, upper=25, lower=26, rest=(27, 28, 29, 30), bends=(0.0, 2.4))
 _LEFT_LEG = Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0, None), steps=True)
 LIMBS = (_LEFT_ARM, _RIGHT_ARM, _LEFT_LEG, replace(_LEFT_LEG, upper=7, lower=8, rest=(9, 10)))
-# while keyframed: hands hold on to edges, and arms are as fast as they must be
+# in keyframed motion hands hold on to edges, and arms may be as fast as needed
 KEYFRAMED = (
     *(replace(arm, free_m=(0.0,), sunk_m=0.15, turns=(MAX_TURN_RAD_PER_FRAME,)) for arm in LIMBS[:2]),
     *LIMBS[2:],
@@ -60,7 +60,7 @@ def resolve_penetration(
 ) -> Array:
     """Return local rotations `(31, 4)` whose `limbs` hang down as far as needed to leave the ground.
 
-    `before` are those of the last frame: arms turn by at most `MAX_ARM_TURN_RAD_PER_FRAME`, any limb by at most
+    `before` is the last frame: arms turn by at most `MAX_ARM_TURN_RAD_PER_FRAME`, any limb by at most
     `MAX_TURN_RAD_PER_FRAME`.
     """
     result = _slowed(no_faster(local, before), before, _ARMS, limbs[0].turns[0])
@@ -87,7 +87,7 @@ def resolve_penetration(
 def _tried(
     terrain: Terrain, hips: Array, poses: tuple[Array, Array], world: Array, limb: Limb
 ) -> tuple[Array, Array]:
-    """`_tries` with the first of its turns that takes a limb out of the ground, and their `_depths`; else a leg also goes aside."""
+    """Return `_tries` and `_depths` at the first turn limit that frees the limb from the ground; else a leg also steps aside."""
     for most in limb.turns:
         tries = _tries(*poses, world, limb, most)
         depths = _pose_depths(terrain, limb, hips, tries)
@@ -102,9 +102,9 @@ def _tried(
 def _stepped(
     terrain: Terrain, hips: Array, poses: tuple[Array, Array], wanted: Array, limb: Limb, least: float
 ) -> Array | None:
-    """A leg's two rotations `(2, 4)` on its way to the `wanted` ones, where its foot is less deep than the `least` it else is; None where it had better not go."""
+    """Return a leg's two rotations `(2, 4)` towards the `wanted` ones if its foot gets less deep than `least`, else None."""
     (now, before), moved = poses, [limb.upper, limb.lower]
-    goal = now.copy()  # whose foot has come as far as it can
+    goal = now.copy()  # the pose that the foot could reach
     goal[moved] = wanted[moved]
     if _pose_depths(terrain, limb, hips, goal[None])[-1, 0] >= max(least, limb.sunk_m):
         return None
@@ -119,7 +119,7 @@ def _pose_depths(terrain: Terrain, limb: Limb, hips: Array, local: Array) -> Arr
 
 
 def _depths(terrain: Terrain, limb: Limb, poses: Array, hips: Array) -> Array:
-    """Metres `(M, N)` by which a limb's deepest joint in `poses` `(N, 31, 3)` is under the ground anywhere up to `free_m` `(M,)` farther from the hips."""
+    """Return the depth `(M, N)` (m) of a limb's deepest joint in `poses` `(N, 31, 3)` under ground up to `free_m` `(M,)` outwards."""
     joints = poses[:, [limb.lower, *limb.rest]]
     out = (joints - hips)[..., [0, 2]]
     out = out / np.maximum(np.sqrt((out * out).sum(-1, keepdims=True)), MIN_SIZE)
@@ -129,10 +129,10 @@ def _depths(terrain: Terrain, limb: Limb, poses: Array, hips: Array) -> Array:
 
 
 def _best(depths: Array, turned: Array, limb: Limb) -> int | None:
-    """Of N tries that are free of walls at the greatest distance `(M, N)` at which one is, the one `turned` least.
+    """Return which of N tries is free of walls at the greatest possible distance (of depths `(M, N)`) and `turned` least.
 
-    Else the least deep one; None for an arm that is deep in a wall: it goes on to where it is out of it, deeper at first. A
-    leg that did so would stand in the ground.
+    If none is free, the least deep one; None for an arm deep in a wall, which may pass through it to the other side. A leg
+    doing so would stand in the ground.
     """
     for at_distance in depths:
         free = at_distance <= limb.sunk_m
@@ -144,7 +144,7 @@ def _best(depths: Array, turned: Array, limb: Limb) -> int | None:
 
 
 def _bend_to_hang_with(terrain: Terrain, hips: Array, local: Array, world: Array, limb: Limb) -> int:
-    """Which of its `bends` a limb hangs with in a wall: straight, or where that is deep as it is least deep."""
+    """Return the index of the bend with which a limb hangs in a wall: straight, or the least deep one if that is deep."""
     goals = _tries(local, local, world, limb, np.inf)[len(HANGING_FRACTIONS) - 1 :: len(HANGING_FRACTIONS)][
         : len(limb.bends)
     ]
@@ -153,13 +153,13 @@ def _bend_to_hang_with(terrain: Terrain, hips: Array, local: Array, world: Array
 
 
 def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -> Array:
-    """Local rotations `(N, 31, 4)` with one limb that hangs more and more, straight or folded, from where it is or was `before`."""
+    """Return local rotations `(N, 31, 4)` with a limb hanging more and more, straight or bent, from its incoming and last pose."""
     bone = SPORT_SKELETON.offsets[limb.lower].astype(np.float64)
     along = rotations.normalize(rotations.rotate(world[limb.upper].astype(np.float64), bone))
     down = rotations.multiply(rotations.between(along, _DOWN), world[limb.upper])
     parent = world[SPORT_SKELETON.parents[limb.upper]].astype(np.float64)
     hangs = rotations.multiply(rotations.inverse(parent), down)
-    # where neither is free, it goes from where it was as far as it can: one that only stayed would be caught; last straight down
+    # if neither is free, it moves from its last pose as far as it can, so as not to be trapped; the last try hangs straight
     ways = [(local, bend, HANGING_FRACTIONS) for bend in limb.bends]
     ways += [(before, bend, HANGING_FRACTIONS[::-1]) for bend in limb.bends[::-1]]
     tries = np.tile(np.asarray(local, np.float64), (len(ways) * len(HANGING_FRACTIONS), 1, 1))
@@ -172,7 +172,7 @@ def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -
 
 
 def _aside(local: Array, before: Array, limb: Limb) -> Array:
-    """Local rotations `(18, 4)` with one limb turned from where it was `before` to each side, its lower part both ways or not."""
+    """Return local rotations `(18, 4)` with one limb turned from its last pose in six directions, each with three bends."""
     turns = rotations.from_rotation_vector(MAX_TURN_RAD_PER_FRAME * np.concatenate([np.eye(3), -np.eye(3)]))
     tries = np.tile(np.asarray(local, np.float64), (18, 1, 1))
     tries[:, limb.upper] = np.repeat(rotations.multiply(turns, before[limb.upper]), 3, axis=0)
@@ -186,9 +186,9 @@ def _aside(local: Array, before: Array, limb: Limb) -> Array:
 def _way_round(
     terrain: Terrain, hips: Array, before: Array, wanted: Array, limb: Limb
 ) -> tuple[Array, float]:
-    """The limb's two rotations `(2, 4)` of this frame on the least deep way from where it was `before` to its goal, and how deep that way leads (m).
+    """Return a limb's rotations `(2, 4)` in this frame on the shallowest way from `before` to its goal, and that depth (m).
 
-    Either joint may go ahead of the other: a knee is folded before the thigh is raised, or after.
+    Either joint may move first: the knee folds before the thigh rises, or after.
     """
     moved, count = [limb.upper, limb.lower], len(TURN_FRACTIONS)
     grid = np.tile(np.asarray(wanted, np.float64), (count * count, 1, 1))
@@ -216,7 +216,7 @@ def _way_round(
 
 
 def _deepest_on(depths: Array) -> Array:
-    """For every cell of a grid of depths the deepest on the least deep way onwards to the last cell."""
+    """Return, for every cell of a grid of depths, the maximum depth on the shallowest way from it to the last cell."""
     deepest = np.full(np.add(depths.shape, 1), np.inf)
     for i in reversed(range(len(depths))):
         for j in reversed(range(len(depths))):
@@ -226,7 +226,7 @@ def _deepest_on(depths: Array) -> Array:
 
 
 def _turned(before: Array, after: Array, most: float | Array) -> Array:
-    """Rotations `(..., 4)` on the way to those `after`, no farther than `most` radians."""
+    """Return rotations `(..., 4)` from `before` towards `after`, turned by at most `most` radians."""
     angle = rotations.angle_between(before, after)
     return rotations.slerp(before, after, np.minimum(1.0, most / np.maximum(angle, MIN_DIVISOR)))
 
@@ -237,7 +237,7 @@ def no_faster(local: Array, before: Array) -> Array:
 
 
 def _slowed(local: Array, before: Array, joints: list[int], most: float) -> Array:
-    """Local rotations whose `joints` are turned by no more than `most` radians."""
+    """Return local rotations whose `joints` have turned by at most `most` radians."""
     if rotations.angle_between(before[joints], local[joints]).max() <= most:
         return local
     result = local.copy()

@@ -1,8 +1,8 @@
-"""The mirror image of what the network reads and writes.
+"""Mirror images of the network's input and output.
 
-Training has every capture with its mirror image, so that a body walks one way round as well as the other. Of some things that
-one limb does it saw one side alone, and shows the other side badly or not at all (`runtime.motion.calibration`). A code with such a side is walked
-mirrored: the network gets the mirror image of the state and of Z^t, and its answer is mirrored back.
+Training uses every capture with its mirror image, so that turns are symmetric. Some asymmetric styles (one limb acts) were
+captured for one side only, and the other side is shown badly or not at all (`runtime.motion.calibration`). Such a code is
+walked mirrored: the network gets the mirrored state and Z^t, and its output is mirrored back.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from runtime.arrays import Float32Array
 from runtime.motion.features import INPUT, OUTPUT, C
 from runtime.skeleton import MIRROR_JOINTS, PART_JOINTS, PART_NAMES
 
-LIMBS = 4  # of the six parts come first: arms and legs
+LIMBS = 4  # the first four of the six parts: arms and legs
 
 _POINT, _PLANE = np.array([-1, 1, 1], np.float32), np.array([-1, 1], np.float32)  # x changes its sign
-# of the first two columns of a rotation, what ties x to another axis
+# in the first two columns of a rotation, the elements that couple x with another axis
 _ROTATION = np.array([1, -1, -1, -1, 1, 1], np.float32)
 _ROOT = np.array([-1, 1, -1], np.float32)  # velocity x and z, yaw rate
 _CONTACTS = [2, 3, 0, 1]
@@ -38,7 +38,7 @@ _MIDLINE = [i for i, part in enumerate(PART_NAMES) if _twin(part) == part]
 def mirrored_code(z: Float32Array) -> Float32Array:
     """Return the mirrored Z^t `(6, 64)`: limb codes swapped, second half of torso and head negated.
 
-    It requires a text network that encodes every sentence as of the left side (`training.networks.content`).
+    Requires a text network that encodes every sentence as if it spoke of the left side (`training.networks.content`).
     """
     result = z[TWINS]
     result[_MIDLINE, z.shape[1] // 2 :] *= -1.0
@@ -46,7 +46,7 @@ def mirrored_code(z: Float32Array) -> Float32Array:
 
 
 def _columns(limb: int) -> NDArray[np.int64]:
-    """Of y, what a limb does."""
+    """Return the columns of y that describe a limb."""
     joints = np.array(PART_JOINTS[PART_NAMES[limb]])
     found = [
         OUTPUT[name].start + (joints[:, None] * size + np.arange(size)).ravel()

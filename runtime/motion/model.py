@@ -1,4 +1,4 @@
-"""The trained networks behind their ONNX graphs and a metadata file, checked when loaded, and the sampler's noise."""
+"""The trained networks: ONNX graphs and a metadata file, checked when loaded, and the sampler's noise."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from runtime.motion.swing import PLAIN, MeasuredSwings, composed_fraction
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.obstacle_detection import ObstacleAhead
 
-# Seconds of the waves that each number is a sum of. Noise that is fresh in every frame, or a random walk, makes the
-# character tremble: a sampled pose follows its noise. These never come together again, and are slower than a step.
+# Periods (seconds) of the waves that make up each noise value. Noise that is fresh in every frame, or a random walk, makes the
+# character tremble, because a sampled pose follows its noise. These periods share no multiple, and are longer than a step.
 PERIODS_S = (1.7, 2.9, 5.3)
 
 
 @lru_cache(maxsize=64)
 def _waves(shape: tuple[int, ...], seed: int) -> NDArray[np.float32]:
-    """Amplitudes `(6, numbers)` of the cosines and sines."""
+    """Return amplitudes `(6, numbers)` of the cosines and sines."""
     count = 2 * len(PERIODS_S)
     waves = np.random.default_rng(seed).standard_normal((count, int(np.prod(shape))), np.float32)
     return waves / np.float32(np.sqrt(len(PERIODS_S)))
@@ -54,23 +54,23 @@ def _waves(shape: tuple[int, ...], seed: int) -> NDArray[np.float32]:
 def drifting_noise(
     shape: tuple[int, ...], seed: int, seconds: float, spread: float = 1.0
 ) -> NDArray[np.float32]:
-    """Return smooth noise of `shape` at a time: random sums of slow waves, distributed N(0, `spread`), equal for equal seeds."""
+    """Return smooth noise of `shape` at a time: random sums of slow waves, distributed N(0, `spread`), the same for the same seed."""
     angles = [2.0 * pi * seconds / period for period in PERIODS_S]
     weights = [spread * wave(angle) for wave in (cos, sin) for angle in angles]
     return (np.array(weights, np.float32) @ _waves(shape, seed)).reshape(shape)
 
 
 KINDS = "sport.models"  # entry points of other kinds of model: a class with the interface of `MotionModel`
-ARM_PARTS = 2  # of the six come first
-# strength of a code that no captured style is near: drawn out wholly, words that were never captured together take a body out
-# of balance, and what they ask is shown by edits too
+ARM_PARTS = 2  # the first of the six parts
+# strength of a code that is unlike any captured style: at full strength, combinations of words that were never captured together
+# unbalance the body; body edits show them too
 COMPOSED_STRENGTH = 0.85
-LISTS = 8  # of styles that are kept stacked: two calls of four threads
+MAX_CACHED_STACKS = 8  # style lists whose stacked weights are cached: two calls for each of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 NEW_MODEL = "Give a style for each, with a newly exported model."
-ROUNDING_M = 1e-3  # of heights that a ground stores
-WALK_RANGE_M_PER_S, JOG_RANGE_M_PER_S = (0.4, 2.2), (1.2, 5.0)  # of a body, whatever the network says
-MIN_JOG_RATIO = 1.3  # of a jog's speed over the walk's
+ROUNDING_M = 1e-3  # rounding of heights that a ground stores
+WALK_RANGE_M_PER_S, JOG_RANGE_M_PER_S = (0.4, 2.2), (1.2, 5.0)  # limits of a network's speeds
+MIN_JOG_RATIO = 1.3  # of the jogging speed to the walking speed
 
 
 class MotionModel:
@@ -110,7 +110,7 @@ class MotionModel:
         self._styles_apart = check_graphs(
             folder, prompt, self._style, self._step, self.noise_shape, self.style_shape, step
         )
-        # by the thread that asks, and which of its calls
+        # keyed by the calling thread, and by first or second call
         self._stacked: dict[tuple[int, bool], tuple[tuple[Style, ...], dict[str, Float32Array]]] = {}
         self._crosses = read_crosses(folder, metadata)
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
@@ -131,7 +131,7 @@ class MotionModel:
         return full
 
     def crosses(self, obstacle: ObstacleAhead) -> bool:
-        """Return whether the network crosses an obstacle by itself, judged by the largest of its kind that it was measured to cross."""
+        """Return whether the network crosses an obstacle without keyframes; the largest one measured of its kind is the limit."""
         return obstacle.size <= self._crosses.get(obstacle.kind.value, 0.0) + ROUNDING_M
 
     @property
@@ -174,14 +174,14 @@ class MotionModel:
         path = self.folder / "style.onnx"
         bias, weight, content_bias, speeds = run_graph(self._style, path, None, {"z": drawn})
         if not np.isfinite(speeds).all():
-            raise ModelError(f"{path}: gives speeds that are not finite.", "Choose another model.")
+            raise ModelError(f"{path}: returns speeds that are not finite.", "Choose another model.")
         walk, jog = (
             float(np.clip(speeds[0], *WALK_RANGE_M_PER_S)),
             float(np.clip(speeds[1], *JOG_RANGE_M_PER_S)),
         )
         rest = np.zeros((C, 2), np.float32)
         if len(speeds) > 2:
-            if self._neutral_code is not None:  # legs and trunk of a giant or an angry body probe like waving
+            if self._neutral_code is not None:  # a giant's legs would be read as waving
                 arms = own.copy()
                 arms[ARM_PARTS:] = self._neutral_code[ARM_PARTS:]
                 speeds = run_graph(self._style, path, None, {"z": arms})[3]
@@ -190,7 +190,7 @@ class MotionModel:
         return Style(z, bias, weight, content_bias, walk, max(jog, MIN_JOG_RATIO * walk), rest, swings=swings)
 
     def _drawn(self, z: Float32Array, strength: float) -> Float32Array:
-        """Z^t exaggerated relative to the neutral code, by `strength` times the model's best."""
+        """Return Z^t exaggerated relative to the neutral code, by `strength` times the model's best value."""
         strength *= self._strength
         if self._neutral_code is None or strength == 1.0:
             return z
@@ -224,7 +224,7 @@ class MotionModel:
     def _one_way(
         self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style], second: bool = False
     ) -> tuple[Float32Array, Float32Array]:
-        """y and alpha by the styles alone, without their opposites; `second` is the call with these."""
+        """Return y and alpha for the styles as folded; `second` marks the call for the opposite walk."""
         folded = self._folded(style, len(x), second)
         mirrored = [s.mirrored for s in ([style] * len(x) if isinstance(style, Style) else style)]
         mirror, turned = self._mirror if any(mirrored) else None, np.array(mirrored)[:, None]
@@ -246,12 +246,12 @@ class MotionModel:
         return self._stack(style, second)
 
     def _stack(self, style: Sequence[Style], second: bool) -> dict[str, Float32Array]:
-        """The folded weights of styles, one after the other; the same list again is not stacked anew."""
+        """Return the folded weights of all styles, stacked; cached for the same list."""
         asking = threading.get_ident(), second
         known, tensors = self._stacked.get(asking, ((), {}))
         if len(known) != len(style) or any(a is not b for a, b in zip(known, style, strict=True)):
             tensors = {name: np.stack([getattr(one, name) for one in style]) for name in FOLDED}
-            others = self._stacked if len(self._stacked) < LISTS else {}
+            others = self._stacked if len(self._stacked) < MAX_CACHED_STACKS else {}
             self._stacked = {**others, asking: (tuple(style), tensors)}
         return tensors
 
@@ -259,7 +259,7 @@ class MotionModel:
 def _strength(
     folder: Path, metadata: dict[str, Any], shape: tuple[int, int]
 ) -> tuple[Float32Array | None, float]:
-    """Neutral Z^t and the strength that a model shows styles with; None and 1 for a model without (it has no strength)."""
+    """Return neutral Z^t and the style strength of a model; None and 1 if it does not define them."""
     section = metadata.get("strength")
     if section is None:
         return None, 1.0
@@ -271,7 +271,7 @@ def _strength(
         fits = False
     if not fits:
         raise ModelError(
-            f"{folder / 'metadata.json'}: field 'strength' is no neutral style {shape} with a default of "
+            f"{folder / 'metadata.json'}: field 'strength' is not a neutral style {shape} with a default of "
             f"{MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
             "Export the model again.",
         )
@@ -281,7 +281,7 @@ def _strength(
 def _calibration(
     folder: Path, metadata: dict[str, Any], neutral: Float32Array
 ) -> tuple[Mirror | None, Calibration | None]:
-    """What a model's metadata tell of its mirror image and its measured codes; None for a model that does not."""
+    """Return the mirror and the calibration of a model's metadata; None where it has none."""
     section = metadata.get("calibration")
     if section is None:
         return None, None
@@ -306,7 +306,7 @@ def _calibration(
 
 
 def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:
-    """Load and check a model by folder or name (default: `compact`); ModelError says what is wrong with it.
+    """Load and check a model by folder or name (default: `compact`); raises ModelError with the reason if it is invalid.
 
     `precision` is fp32, int8, or auto: the default in the model's metadata.
     """
@@ -318,7 +318,7 @@ def load_model(folder: Path | str | None = None, threads: int = 1, precision: st
     for found in entry_points(group=KINDS, name=kind):
         return cast(MotionModel, found.load()(folder, metadata))
     raise ModelError(
-        f"{folder}: nothing installed plays a model of the kind '{kind}'.", "Install the program again."
+        f"{folder}: no installed package runs a model of the kind '{kind}'.", "Install the program again."
     )
 
 
@@ -326,7 +326,7 @@ _JOINTS, _ROOT = (40, 31, 9), (40, 3)
 
 
 class ExportedMotionEncoder:
-    """The graph `motion.onnx` of a model folder; ModelError if it is missing, damaged or from another export."""
+    """The graph `motion.onnx` of a model folder; raises ModelError if it is missing, damaged or from another export."""
 
     def __init__(self, folder: Path, threads: int = 1) -> None:
         data = read_graph(folder, "motion", read_metadata(folder))

@@ -1,4 +1,4 @@
-"""A model folder is untrusted: metadata and graphs are checked in full before anything relies on them."""
+"""Files of a model folder, treated as untrusted: metadata and graphs are checked in full before use."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from runtime.terrain.obstacle_detection import ObstacleKind
 if TYPE_CHECKING:
     import onnxruntime
 
-# An ONNX graph of one MatMulInteger, y = a b with a unsigned and b signed, as `step_int8.onnx` has them. Bytes, because
-# the runtime does without the package that would build it.
+# An ONNX graph of one MatMulInteger, y = a b with a unsigned and b signed, as in `step_int8.onnx`. Stored as bytes,
+# because the runtime does not depend on the package that would build it.
 PRODUCT = (
     b'\x08\x08:b\n\x18\n\x01a\n\x01b\x12\x01y"\rMatMulInteger\x12\x01p'
     b"Z\x15\n\x01a\x12\x10\n\x0e\x08\x02\x12\n\n\x03\x12\x01m\n\x03\x12\x01k"
@@ -50,11 +50,11 @@ def signed_products_are_exact() -> bool:
 MAX_METADATA_BYTES = 16 * 1024 * 1024
 MAX_GRAPH_BYTES = 1024 * 1024 * 1024
 MAX_NAME = 200
-USUAL_STYLE_SIZE = 384  # of models that do not say: 64 numbers for each body part
+USUAL_STYLE_SIZE = 384  # style size of models that do not specify it: 64 numbers for each body part
 MAX_EXPERTS, MAX_CODE_SIZE = 1024, 4096
 MAX_START = 1e4  # metres and the like
 REMEDY = "Install the program again, or name another model folder."
-FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
+FOLDED = ("front_bias", "content_weight", "content_bias")  # inputs that a folded style supplies
 INT8_GRAPH = "step_int8"  # optional twin of "step" with 8-bit weights (python -m training.export.quantize)
 PRECISIONS = ("auto", "fp32", "int8")
 _Shapes = dict[str, list[int | None] | None]  # by name in order; None stands for any number or shape
@@ -112,7 +112,7 @@ def _check_metadata(path: Path, metadata: Any) -> None:
 
 def _check_names(path: Path, name: Any, joints: list[Any]) -> None:
     if not is_text(name) or len(name) > MAX_NAME:
-        raise ModelError(f"{path}: field 'name' is no name of up to {MAX_NAME} characters.", REMEDY)
+        raise ModelError(f"{path}: field 'name' is not a name of up to {MAX_NAME} characters.", REMEDY)
     if tuple(joints) != SPORT_SKELETON.names:
         raise ModelError(f"{path}: field 'joints' names another skeleton.", REMEDY)
 
@@ -126,10 +126,10 @@ def _check_config(path: Path, config: dict[str, Any]) -> None:
         )
     experts = config.get("experts")
     if type(experts) is not int or not 1 <= experts <= MAX_EXPERTS:
-        raise ModelError(f"{path}: field 'config.experts' is no number of experts.", REMEDY)
+        raise ModelError(f"{path}: field 'config.experts' is not a number of experts.", REMEDY)
     size = config.get("style_size", USUAL_STYLE_SIZE)
     if type(size) is not int or not len(PART_NAMES) <= size <= len(PART_NAMES) * MAX_CODE_SIZE:
-        raise ModelError(f"{path}: field 'config.style_size' is no size of six codes.", REMEDY)
+        raise ModelError(f"{path}: field 'config.style_size' is not a size of six codes.", REMEDY)
 
 
 def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
@@ -181,15 +181,15 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = 3
-    # A frame is some hundred short products. To wake a second thread for each costs more than it wins, so it spins
-    # between them, but never beyond the frame.
+    # A frame is some hundred short products. Waking a second thread for each costs more than it gains, so threads spin
+    # between the products, but never beyond the frame.
     options.add_session_config_entry("session.intra_op.allow_spinning", "1" if threads > 1 else "0")
     options.add_session_config_entry("session.force_spinning_stop", "1")
     try:
         if path.stem == INT8_GRAPH and not signed_products_are_exact():
             data = unsigned_weights(data)
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-        # kept to change the provider later, which is never done: the file once more
+        # would keep a copy of the file to change the provider later, which never happens
         session._model_bytes = None
         check_names(session)
         return session
@@ -223,18 +223,18 @@ def check_graphs(
     style_shape: tuple[int, int] = (6, 64),
     step_name: str = "step",
 ) -> bool:
-    """Return whether `step` takes a style per character; ModelError if the graphs do not fit this program, the metadata or each other."""
+    """Return whether `step` takes one style per character; ModelError if the graphs do not fit the program or each other."""
     prompt_path = folder / "prompt.onnx"
     _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, len(PART_NAMES), None]})
-    # what comes after z are the distribution's parameters, which evaluation compares (models of version 0.1 lack them)
+    # after z come the distribution's parameters, which the evaluation compares (models of version 0.1 lack them)
     _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, *style_shape]})
     style_path, step_path = folder / "style.onnx", folder / f"{step_name}.onnx"
     _check_shapes(style_path, style.get_inputs(), {"z": [*style_shape]})
-    # walk and jog; then amplitude and rate of each channel at rest, which models of version 0.3 lack
+    # walk and jog speed; then amplitude and rate of each channel at rest, which models of version 0.3 lack
     speeds: list[int | None] = [2 if list(style.get_outputs()[-1].shape) == [2] else 2 + 2 * C]
     _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": speeds})
     folded = {value.name: list(value.shape) for value in style.get_outputs() if value.name in FOLDED}
-    # models of version 0.1 take one style for all characters, without a dimension for it
+    # models of version 0.1 take one style for all characters, without a batch dimension
     bias = next((value for value in step.get_inputs() if value.name == FOLDED[0]), None)
     apart = bias is not None and len(bias.shape) > len(folded[FOLDED[0]])
     leading = [None] if apart else []
@@ -257,7 +257,7 @@ def _check_shapes(path: Path, values: Any, expected: _Shapes) -> None:
 
 
 def _fits(sizes: list[Any], shape: list[Any] | None) -> bool:
-    """Whether a graph's sizes, where they are known, are those of a shape; None fits all."""
+    """Return whether a graph's sizes, where they are known, match a shape; None matches all."""
     if shape is None:
         return True
     return len(sizes) == len(shape) and all(w in (None, s) for w, s in zip(shape, sizes, strict=True))

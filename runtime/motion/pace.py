@@ -1,4 +1,4 @@
-"""How fast a body goes: the regulator of the root's speed, the speed that planted feet carry, and gaits that stall."""
+"""Root speed: its regulator, the speed implied by planted feet, and detection of stalled gaits."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from runtime.scalar_math import MIN_DIVISOR, decay
 GAIN_RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL_GAIN = 0.8  # gain for a relative error of one: more of it makes long slow strides leap
 INTEGRAL_GAIN_PER_S = 0.5  # change of the gain per second and relative error
-SPEED_HALF_LIFE_S = 0.12  # seconds, half-life of the measured speed: a stride speeds up and slows down
-SETS_OFF_S = 0.36  # seconds in which a body has followed half of a change of its plan
-MIN_REQUEST_M_PER_S = 0.12  # m/s; slower requests have no relative error
-# A style that is to go much slower than it ever does may go on standing: it is requested more until it sets off.
-STANDING_SHARE = 0.4  # of the expected speed
+SPEED_HALF_LIFE_S = 0.12  # of the measured speed, which varies within a stride
+SETS_OFF_S = 0.36  # time constant of the expected speed after a change of the plan
+MIN_REQUEST_M_PER_S = 0.12  # slower requests have no relative error
+# A style asked to go much slower than its own speed may not start at all: its request is raised until it starts.
+STANDING_SPEED_FRACTION = 0.4  # of the expected speed
 STANDING_SECONDS = 0.7
 STANDING_GAIN = 3.0  # at most
 _NUMBERS = {"shape": ()}
@@ -33,7 +33,7 @@ class SpeedRegulator:
 
     expected: Array = field(metadata=_NUMBERS)  # m/s
     measured: Array = field(metadata=_NUMBERS)  # m/s
-    stood: Array = field(metadata=_NUMBERS)  # seconds that a body stands which is to move
+    stood: Array = field(metadata=_NUMBERS)  # seconds that a body has stood although it should move
     integral: Array = field(metadata=_NUMBERS)
 
     @staticmethod
@@ -44,7 +44,7 @@ class SpeedRegulator:
     def update(
         self, requested: Sequence[float], speed: Sequence[float], moving: Sequence[bool]
     ) -> list[float]:
-        """Return the factor for each character's requested speed in this frame, which makes its root as fast as requested; 1 at rest.
+        """Return the factor on each character's requested speed in this frame that gives its root the requested speed; 1 at rest.
 
         `requested` and last frame's root `speed` are in m/s.
         """
@@ -59,7 +59,7 @@ class SpeedRegulator:
                 made.append((0.0, 0.0, 0.0, 1.0))
                 gains.append(1.0)
                 continue
-            stood = stood + 1.0 / FPS if measured < STANDING_SHARE * expected else 0.0
+            stood = stood + 1.0 / FPS if measured < STANDING_SPEED_FRACTION * expected else 0.0
             least, most = GAIN_RANGE
             if stood > STANDING_SECONDS:
                 most = STANDING_GAIN
@@ -72,16 +72,16 @@ class SpeedRegulator:
 
 
 POINTS = np.array(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
-MIN_CONTACT_WEIGHT = 0.25  # sum of squared contacts: less is a flight, which says nothing
-SHARE_RANGE = (0.5, 1.5)  # of the fraction
-STRIDE_HALF_LIFE_S = 0.3  # seconds, half-life: about a step
-MIN_STRIDE_SPEED_M_PER_S = 0.3  # m/s: slower, feet may well rest
-# what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
+MIN_CONTACT_WEIGHT = 0.25  # sum of squared contacts: less is a flight, which gives no measurement
+SPEED_RATIO_RANGE = (0.5, 1.5)  # limits of the speed ratio
+STRIDE_HALF_LIFE_S = 0.3  # about a step
+MIN_STRIDE_SPEED_M_PER_S = 0.3  # slower, feet may rest
+# limits of the stride scaling, which corrects the speed difference that the regulator leaves
 STRETCH = (0.65, 1.18)
-# of the plan: a smoothed request below that is a start, which longer strides would overshoot
+# of the plan: a smoothed request below it is a start, which longer strides would overshoot
 SETTING_OFF_FRACTION = 0.5
-SETTLED_FRACTION = 0.9  # of the plan: until the smoothed request is there,
-WALK_START_RATIO = 1.12  # times a walk's plan is the most that longer strides make of a speed
+SETTLED_FRACTION = 0.9  # of the plan: until the smoothed request gets there,
+WALK_START_RATIO = 1.12  # longer strides raise the speed to this ratio of a walk's plan at most
 _STRIDES = 1.0 - decay(STRIDE_HALF_LIFE_S)
 
 
@@ -100,7 +100,7 @@ class StrideState:
     def carried(
         self, joints: Array, contacts: Array, flying: Sequence[bool]
     ) -> list[tuple[float, float, float]]:
-        """Return the root velocity that planted feet imply since the last `update`: m/s across and along, and the weight of the feet.
+        """Return the root velocity implied by planted feet since the last `update`: m/s across and along, and the feet's weight.
 
         Joints `(N, 31, 3)` are relative to the root, contacts `(N, 4)`; feet of `flying` characters have no weight.
         """
@@ -121,19 +121,19 @@ class StrideState:
         self.feet = _across(joints)
         fractions = self.fraction.tolist()
         for i, ((x, z, total), speed) in enumerate(zip(carried, speeds, strict=True)):
-            fraction = fractions[i]  # a flight says nothing
+            fraction = fractions[i]  # unchanged in a flight
             if speed < MIN_STRIDE_SPEED_M_PER_S:
                 fraction = 1.0
             elif total > MIN_CONTACT_WEIGHT:
-                fraction = min(max(hypot(x, z) / speed, SHARE_RANGE[0]), SHARE_RANGE[1])
+                fraction = min(max(hypot(x, z) / speed, SPEED_RATIO_RANGE[0]), SPEED_RATIO_RANGE[1])
             fractions[i] += (fraction - fractions[i]) * _STRIDES
         self.fraction = np.array(fractions)
 
 
 def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool, response: float) -> float:
-    """Return the factor by which strides lengthen, for `planned` and `shown` speeds (m/s), each smoothed and not smoothed.
+    """Return the factor on stride length, for `planned` and `shown` speeds (m/s), each as (smoothed, current).
 
-    `response` is 1 for a body that may start at once.
+    `response` 1 allows an immediate start.
     """
     (smooth, requested), (measured, root) = planned, shown
     going = smooth / max(requested, MIN_DIVISOR)
@@ -142,7 +142,7 @@ def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool
     longer = min(max(smooth / max(measured, MIN_DIVISOR), STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
     if settled == 1.0:
         return longer
-    # a body that has caught up with its plan is not carried past it
+    # a body that has reached its planned speed is not pushed beyond it
     most = STRETCH[1] if jogs else max(WALK_START_RATIO * requested / max(root, MIN_DIVISOR), 1.0)
     return min(longer, most + (STRETCH[1] - 1.0) * settled)
 
@@ -151,20 +151,20 @@ def _across(joints: Array) -> Array:
     return joints.take(POINTS, 1)[..., ::2]
 
 
-STALLED_SHARE = 0.35  # of the requested speed; in a gait feet move against the root about as fast as the root
-STALLED_SECONDS = 0.25  # longer than feet rest against the root in the slowest step
-FEET_HALF_LIFE_S = 0.1  # seconds, half-life of the feet's speed
-STALLED_RATE_HZ = 2.0  # of the phases while stalled
+STALLED_SPEED_FRACTION = 0.35  # of the requested speed, at which feet normally move relative to the root
+STALLED_SECONDS = 0.25  # longer than feet rest relative to the root in the slowest step
+FEET_HALF_LIFE_S = 0.1  # of the feet's speed
+STALLED_RATE_HZ = 2.0  # rate of the phases while stalled
 _FEET = 1.0 - decay(FEET_HALF_LIFE_S)
 
 
 @dataclass
 class Stall:
-    """Foot movement of N characters, to detect a gait that stalls."""
+    """Foot movement of N characters, to detect a stalled gait."""
 
     feet: Array = field(metadata={"shape": (4, 3)})  # (N, 4, 3) relative to the root
     speed: Array = field(metadata={"shape": ()})  # (N,) of the feet, m/s, smoothed
-    seconds: Array = field(metadata={"shape": ()})  # (N,) for which they have been slow
+    seconds: Array = field(metadata={"shape": ()})  # (N,) seconds that they have been slow
 
     @staticmethod
     def at_rest(joints: Array) -> Stall:
@@ -172,12 +172,12 @@ class Stall:
         return Stall(joints[:, POINTS], np.zeros(len(joints)), np.zeros(len(joints)))
 
     def update(self, joints: Array, requested: Sequence[float]) -> list[bool]:
-        """Return which gaits stall, from joints `(N, 31, 3)` relative to the root and `requested` speeds in m/s, 0 at rest."""
+        """Return which gaits have stalled, from joints `(N, 31, 3)` relative to the root and `requested` speeds (m/s, 0 at rest)."""
         feet = joints.take(POINTS, 1)
         speeds, seconds = self.speed.tolist(), self.seconds.tolist()
         for i, (wanted, *places) in enumerate(zip(requested, feet.tolist(), self.feet.tolist(), strict=True)):
             speeds[i] += (sum(map(dist, *places)) * (FPS / len(POINTS)) - speeds[i]) * _FEET
-            slow = wanted > 0.0 and speeds[i] < STALLED_SHARE * wanted
+            slow = wanted > 0.0 and speeds[i] < STALLED_SPEED_FRACTION * wanted
             seconds[i] = seconds[i] + 1.0 / FPS if slow else 0.0
         self.feet, self.speed, self.seconds = feet, np.array(speeds), np.array(seconds)
         return [each > STALLED_SECONDS for each in seconds]

@@ -1,8 +1,8 @@
-"""Blends whose change is even: how much of the way between two styles is shown at which fraction of the second.
+"""Perceptually even blends: which blend weight shows which fraction of the visible change between two styles.
 
-The folded weights of two styles mix evenly (`style_mix`), the walks that come out of them do not: most of the change may
-come within a sixth of the way. So some characters walk a few seconds side by side, each with a fraction of its own; how far
-their walks lie apart is the change, and a weight is the fraction at which so much of it is done.
+The folded weights of two styles mix linearly (`style_mix`), but the resulting walks do not: most of the change may
+occur within a sixth of the range. So some characters walk a few seconds side by side, each at its own weight; the
+distance between their walks measures the change, from which the weights at even fractions of the change follow.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 WALKERS = 13
-LEAD_IN, FRAMES = 120, 240  # not measured, measured: some walks take seconds to find their gait
+LEAD_IN_FRAMES, FRAMES = 120, 240  # frames until the walks have found their gait; frames measured
 STICK_FRACTION = 0.7
-# of the whole change that a step counts for: equal walks leave the fractions as they are
+# of the whole change: minimum counted per step, so that equal walks keep even weights
 MIN_CHANGE_FRACTION = 0.02
 FIELD_M, FIELD_CELL_M = 200.0, 10.0
 
@@ -35,7 +35,7 @@ def perceptual_weights(
 ) -> Shares:
     """Return the weights of style `b` `(6, 64)` at which 0, 1/12, 2/12 ... of the visible change from style `a` is done.
 
-    `pause` is slept between frames (seconds), so that a worker thread does not block the window's.
+    `pause` (seconds) is slept between frames, so that a worker thread does not block the window's.
     """
     fractions = np.linspace(0.0, 1.0, WALKERS)
     mixed = [StyleMix((1.0 - fraction, fraction), (a, b)) for fraction in fractions.tolist()]
@@ -62,13 +62,13 @@ def walks(model: MotionModel, styles: Sequence[StyleMix], strength: float = 1.0,
 
 
 def _frames(walkers: Sequence[Controller], pause: float) -> tuple[Array, Array]:
-    """Hips `(T, W, 3)` and local rotations `(T, W, 31, 4)` before foot lock, all walking straight on."""
+    """Return hips `(T, W, 3)` and local rotations `(T, W, 31, 4)` before foot lock, all walking straight ahead."""
     crowd, ahead = Crowd(walkers), Controls(move=(0.0, STICK_FRACTION))
     hips, local = [], []
     try:
-        for frame in range(LEAD_IN + FRAMES):
+        for frame in range(LEAD_IN_FRAMES + FRAMES):
             crowd.step(ahead)
-            if frame >= LEAD_IN:
+            if frame >= LEAD_IN_FRAMES:
                 hips.append([walker.unlocked[0] for walker in walkers])
                 local.append([walker.unlocked[1] for walker in walkers])
             if pause:

@@ -1,7 +1,7 @@
 """Phase over time: the ±1 s window of Eq. 1's vectors that the network reads and writes.
 
-The phase is the network's only clock, and at rest its forecast stands still. In a style whose channel swings at rest (a
-waving hand) that channel's phases are turned at the style's own rate; every other channel stays the network's.
+The phase is the network's only clock, and its forecast stops at rest. In a style with a gesture at rest (a waving
+hand) the channel of that gesture advances at the style's own rate; every other channel stays the network's.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from runtime.motion.features import FPS, PHASE_OFFSETS, SAMPLE_STEP, C
 from runtime.scalar_math import decay
 
 PRESENT = int(-PHASE_OFFSETS[0])  # index of the current frame in the dense window of 121 frames
-# forecast of each coming frame: only the samples' own are read
+# forecast of each coming frame: only the samples' frames are read
 _NEAREST = np.arange(PRESENT + 1) // SAMPLE_STEP
 
 
@@ -40,15 +40,15 @@ def at_rate(before: Array, window: Array, rate: Array) -> Array:
     return result
 
 
-# A fit that is linear in the words of the arms finds 1.33 to 3.3 at 1.0 to 1.9 turns a second for waving hands, and up to
-# 1.25 at 0.93 in styles that do not wave.
+# A fit that is linear in the arm descriptions finds amplitudes of 1.33 to 3.3 at 1.0 to 1.9 turns a second for waving hands,
+# and up to 1.25 at 0.93 in styles that do not wave.
 MIN_GESTURE_AMPLITUDE = 1.3
-MIN_GESTURE_RATE_HZ = 0.97  # turns a second, of the same fit
+MIN_GESTURE_RATE_HZ = 0.97  # from the same fit
 FULL_GESTURE_AMPLITUDE = 2.0  # of a waving hand in capture
-RATES = (0.7, 2.0)  # turns a second
+RATE_RANGE_HZ = (0.7, 2.0)  # turns a second
 STANDING_LABEL_FRACTION = 0.9  # of the gait's label
-CLOCK_HALF_LIFE_S = 0.25  # seconds, half-life, in which the clock takes over and leaves
-LEAST_SHARE = 0.01
+CLOCK_HALF_LIFE_S = 0.25  # in which the clock fades in and out
+MIN_CLOCK_WEIGHT = 0.01
 _SECONDS = np.arange(PHASE_OFFSETS[0], PHASE_OFFSETS[-1] + 1) / FPS
 _PRESENT = int(-PHASE_OFFSETS[0])
 
@@ -57,8 +57,8 @@ _PRESENT = int(-PHASE_OFFSETS[0])
 class RestRhythm:
     """Gesture phases of N standing characters, carried from frame to frame."""
 
-    fraction: Array = field(metadata={"shape": (C,)})  # (N, C) that each has taken over
-    turns: Array = field(metadata={"shape": (C,)})  # (N, C) of the clocks
+    fraction: Array = field(metadata={"shape": (C,)})  # (N, C) weight of each channel's clock
+    turns: Array = field(metadata={"shape": (C,)})  # (N, C) position of the clocks, in turns
 
     @staticmethod
     def silent(count: int = 1) -> RestRhythm:
@@ -81,13 +81,13 @@ class RestRhythm:
         if not swings.any() and not np.count_nonzero(self.fraction):
             return phase
         full = FULL_GESTURE_AMPLITUDE / np.maximum(rest[..., 0], MIN_GESTURE_AMPLITUDE)
-        rate = np.clip(full * rest[..., 1], *RATES)
+        rate = np.clip(full * rest[..., 1], *RATE_RANGE_HZ)
         now = phase[:, _PRESENT]
         begins = self.fraction == 0.0
         turns = np.where(begins, np.arctan2(now[..., 0], now[..., 1]) / (2 * np.pi), self.turns)
         self.turns = turns + rate / FPS
         fraction = self.fraction + (swings - self.fraction) * (1.0 - decay(CLOCK_HALF_LIFE_S))
-        self.fraction = np.where(swings | (fraction > LEAST_SHARE), fraction, 0.0)
+        self.fraction = np.where(swings | (fraction > MIN_CLOCK_WEIGHT), fraction, 0.0)
         angle = 2 * np.pi * (self.turns[:, None] + rate[:, None] * _SECONDS[:, None])
         clock = FULL_GESTURE_AMPLITUDE * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
         return np.asarray(phase + self.fraction[:, None, :, None] * (clock - phase))

@@ -1,13 +1,13 @@
-"""The network's pose from frame to frame: turns that are too fast are shown later, and a body at rest moves slowly.
+"""Smoothing of the network's pose over time: turns that are too fast are spread over time, and a body at rest moves slowly.
 
-Inertialization (Bollo, GDC 2018): between two styles the network changes its mind at one moment, however slowly Z^t moves:
-an arm commanded overhead is there within 0.15 s. The part of a frame's turn that is too fast goes into an offset on the
-shown rotation, which a critically damped spring takes back to zero. The arms of a body that comes to rest, which would
-swing on for one to three seconds, are damped in the same way.
+Inertialization (Bollo, GDC 2018): between two styles the network switches at one moment, however slowly Z^t changes:
+an arm requested overhead gets there within 0.15 s. The excess of a frame's turn becomes an offset on the
+shown rotation, which a critically damped spring returns to zero. When a body comes to rest its arms, which would
+swing for another one to three seconds, are damped in the same way.
 
-Settling: left alone, the network's legs step on for two seconds after a stop and its trunk fidgets for ever; its feet then
-slide under feet that are held. Slowing all of it alike, pose, phases and root, keeps every pose one of its own: nothing
-slides, breathing (slower than the limit) is as it was, and the network goes on from there when the stick moves.
+Settling: after a stop the network's legs keep stepping for two seconds and its trunk fidgets forever; its feet then
+slide under feet that are held. Slowing pose, phases and root alike keeps every pose one of the network's: nothing
+slides, breathing (below the speed limit) is unchanged, and the network continues from there when the stick moves.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ ARMS = [
 ]
 TRUNK = [SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")]
 JOINTS = np.array(ARMS + TRUNK)
-MAX_ARM_SPEED_RAD_PER_S = 6.0  # rad/s; arms that swing in walking and jogging turn by up to that
-OFFSET_HALF_LIFE_S = 0.2  # seconds in which about half of an offset is gone
-AFTER_BLEND_S = 0.5  # seconds after a blend in which the network may still change its mind
-MAX_JOINT_SPEED_RAD_PER_S = 20.0  # rad/s at any other time: arms of a captured dash reach 16 in 99 of 100 frames, a network that jumps 50
-MAX_RESTING_SPEED_RAD_PER_S = 0.15  # rad/s: breathing is slower, an arm that swings on is faster
+MAX_ARM_SPEED_RAD_PER_S = 6.0  # arms in walking and jogging swing up to this speed
+OFFSET_HALF_LIFE_S = 0.2  # in which about half of an offset decays
+AFTER_BLEND_S = 0.5  # after a blend, in which the network may still switch
+MAX_JOINT_SPEED_RAD_PER_S = 20.0  # else; captured dashing arms reach 16 in 99 of 100 frames, unstable ones 50
+MAX_RESTING_SPEED_RAD_PER_S = 0.15  # faster than breathing, slower than an arm still swinging
 RESTING_HALF_LIFE_S = 0.35  # seconds
 _DONE_RAD = 1e-3  # rad
 
@@ -48,7 +48,7 @@ class Inertialization:
     # (N, 12, 3) rotation vectors, rad, on the parent's side
     offset: Array = field(metadata={"shape": (len(JOINTS), 3)})
     speed: Array = field(metadata={"shape": (len(JOINTS), 3)})  # (N, 12, 3) rad/s
-    left: Array = field(metadata={"shape": ()})  # (N,) seconds in which the network may still change its mind
+    left: Array = field(metadata={"shape": ()})  # (N,) seconds in which the network may still switch
 
     @staticmethod
     def at_rest(local: Array) -> Inertialization:
@@ -59,7 +59,7 @@ class Inertialization:
     def apply(self, local: Array, blending: Sequence[bool], rest: Sequence[float]) -> list[bool]:
         """Smooth arms and trunk of the network's local rotations `(N, 31, 4)` in place, and return which characters changed.
 
-        `rest` is 0 for a body that moves freely, up to 1 for one that should be calm.
+        `rest` is 0 for a body that moves freely, up to 1 for one that should be at rest.
         """
         left = [
             AFTER_BLEND_S if blends else max(0.0, each - DT)
@@ -69,7 +69,7 @@ class Inertialization:
         arms = local.take(JOINTS, 1)
         same = np.minimum.reduce(
             np.abs(np.add.reduce(arms * self.last, -1)), -1
-        ).tolist()  # cosines of half the fastest turns
+        ).tolist()  # cosines of half the limits
         held = np.maximum.reduce(np.abs(self.offset), (1, 2)).tolist()
         active = [
             left[i] > 0.0 or rest[i] > 0.0 or held[i] > _DONE_RAD or same[i] < cos(0.5 * limit)
@@ -97,7 +97,7 @@ class Inertialization:
 
 
 def _fastest(left: float, rest: float) -> float:
-    """Radians that a joint turns in a frame, where the network may change its mind for `left` seconds; `rest` as in `apply`."""
+    """Limit of a joint's turn per frame (radians) while the network may switch for `left` seconds; `rest` as in `apply`."""
     fastest = MAX_ARM_SPEED_RAD_PER_S if left > 0.0 else MAX_JOINT_SPEED_RAD_PER_S
     return DT * fastest * (MAX_RESTING_SPEED_RAD_PER_S / fastest) ** rest
 
@@ -108,24 +108,24 @@ WATCHED = np.array(
         for name in ("LeftHand", "RightHand", "Head", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot")
     ]
 )
-# m/s of the limbs of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
-AT_REST = (0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02)
-NEARLY_AT_REST_FRACTION = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet
-# more of its usual distance a foot may be held away at rest, where a body steps for no reason
+# m/s, limb speeds of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
+REST_M_PER_S = (0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02)
+NEARLY_AT_REST_FRACTION = 0.3  # of the usual speed: below it, a body at rest is moved over its feet
+# extra distance, relative to the usual one, that a held foot may be off at rest, to avoid needless steps
 ADDED_PATIENCE_FRACTION = 0.6
-UNSEEN_M = 0.05  # m away from its feet it may stay,
-OVER_FEET_S = 0.4  # from farther away it comes in about this time,
-MAX_SWAY_M_PER_S = 0.05  # m/s at most
-RANGE_HALF_LIFE_S = 2.0  # seconds, half-life, in which a body forgets how fast its limbs were
-MIN_USUAL_SPEED_M_PER_S = 1.0  # m/s: as fast a body may come to rest that moved slower
-RESTING_SPEED_M_PER_S = 0.25  # m/s of the plan: slower, a body comes to rest
-SETTLING_DELAY_S = 0.2  # seconds after the last change of the request
-RATE_HALF_LIFE_S = 0.05  # seconds, half-life, in which the rate changes while a body stops; at rest at once
-SETTLE_HALF_LIFE_S = 0.12  # seconds, half-life, in which the limit goes down,
-WAKE_HALF_LIFE_S = 0.05  # and up again
-WHOLE_FRAME_FRACTION = 1.0 - 1e-6  # of a frame's time: more is all of it
-MIN_RATE_FRACTION = 1e-3  # of it: slower counts as this
-STEPPING_ON_FRACTION = 0.6  # of its usual speed a body keeps until both feet stand
+UNSEEN_M = 0.05  # distance from its feet at which the body may stay,
+OVER_FEET_S = 0.4  # and time constant to correct a larger one,
+MAX_SWAY_M_PER_S = 0.05  # with this limit
+RANGE_HALF_LIFE_S = 2.0  # in which the usual limb speeds are forgotten
+MIN_USUAL_SPEED_M_PER_S = 1.0  # minimum of the usual speed: a slower body may speed up to it while stopping
+RESTING_SPEED_M_PER_S = 0.25  # of the plan: slower, a body comes to rest
+SETTLING_DELAY_S = 0.2  # after the last change of the request
+RATE_HALF_LIFE_S = 0.05  # of the playback rate while a body stops; immediate at rest
+SETTLE_HALF_LIFE_S = 0.12  # of the speed limit when it falls,
+WAKE_HALF_LIFE_S = 0.05  # and when it rises
+WHOLE_FRAME_FRACTION = 1.0 - 1e-6  # of a frame's time: more counts as a whole frame
+MIN_RATE_FRACTION = 1e-3  # of a frame's time: the lowest rate
+STEPPING_ON_FRACTION = 0.6  # of its usual speed: the limit until both feet stand
 _FORGETS, _SETTLES, _WAKES = decay(RANGE_HALF_LIFE_S), decay(SETTLE_HALF_LIFE_S), decay(WAKE_HALF_LIFE_S)
 
 
@@ -135,9 +135,9 @@ class Settling:
 
     local: Array = field(metadata={"shape": (J, 4)})  # (N, 31, 4) of the last frame, relative to the root
     usual: Array = field(metadata={"shape": (len(WATCHED),), "most": 1000.0})  # (N, 7) m/s
-    fraction: Array = field(metadata={"shape": ()})  # (N,) of it that is the limit, 1 while a body moves
-    waited: Array = field(metadata={"shape": ()})  # (N,) seconds since something else was requested
-    rate: Array = field(metadata={"shape": ()})  # (N,) of this frame's time
+    fraction: Array = field(metadata={"shape": ()})  # (N,) limit as a fraction of `usual`
+    waited: Array = field(metadata={"shape": ()})  # (N,) seconds since the request last changed
+    rate: Array = field(metadata={"shape": ()})  # (N,) playback rate of this frame
 
     @staticmethod
     def awake(local: Array) -> Settling:
@@ -154,10 +154,10 @@ class Settling:
         still: Sequence[bool],
         grounded: Sequence[bool],
     ) -> Array:
-        """Return how slowly each character's time runs in this frame, `(N,)`, 1 at full speed.
+        """Return the playback rate of each character `(N,)`, 1 at full speed.
 
         `joints` and those of the last frame are `(N, 31, 3)`, relative to the root. `free`: nothing is requested of the body,
-        so it may come to rest; `still`: it has reached its requested place; `grounded`: both feet stand where they may stay.
+        so it may come to rest; `still`: it has reached its goal; `grounded`: both feet stand where they may stay.
         """
         moved = joints.take(WATCHED, 1) - before.take(WATCHED, 1)
         speeds = (np.sqrt(np.add.reduce(moved * moved, -1)) * FPS).tolist()
@@ -174,15 +174,15 @@ class Settling:
                     max(each * _FORGETS, now, MIN_USUAL_SPEED_M_PER_S)
                     for each, now in zip(usual[i], speed, strict=True)
                 ]
-            # unless it comes to rest, none of its limbs is faster than usual
-            limits = zip(usual[i], AT_REST, speed, strict=True) if free[i] or fractions[i] < 1.0 else ()
+            # while coming to rest, limbs may not exceed their usual speed
+            limits = zip(usual[i], REST_M_PER_S, speed, strict=True) if free[i] or fractions[i] < 1.0 else ()
             slow = (max(fractions[i] * each, least) / max(now, MIN_DIVISOR) for each, least, now in limits)
             rate = min(1.0, min(slow, default=1.0))
             even = 0.5 ** (1.0 / (FPS * RATE_HALF_LIFE_S * max(fractions[i], MIN_RATE_FRACTION)))
             rate += (float(self.rate[i]) - rate) * even
             rates.append(
                 rate if rate < WHOLE_FRAME_FRACTION else 1.0
-            )  # rounding would keep it below 1 for ever
+            )  # rounding would keep it below 1 forever
         self.usual, self.fraction, self.waited = np.array(usual), np.array(fractions), np.array(waits)
         self.rate = np.array(rates)
         return self.rate

@@ -1,4 +1,4 @@
-"""What the sticks request of N characters in a frame: probed for obstacles, read as speeds and gaits, and steered to."""
+"""The sticks' request of N characters in a frame: obstacles probed, speeds and gaits read, trajectories steered."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.controls import STAND_SPEED, Controls, Gait
+from runtime.controls import STAND_SPEED_M_PER_S, Controls, Gait
 from runtime.motion.features import DT
 from runtime.motion.model import MotionModel
 from runtime.motion.pace import STANDING_SECONDS
-from runtime.motion.root_motion import SPEED_HALF_LIFE
+from runtime.motion.root_motion import SPEED_HALF_LIFE_S
 from runtime.motion.state import CharacterState
 from runtime.motion.style import Style
-from runtime.motion.trajectory import JOG_SHARE, PRESENT
+from runtime.motion.trajectory import JOG_SPEED_FRACTION, PRESENT
 from runtime.scalar_math import MIN_DIVISOR, decay
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacle_detection import EDGE_M, RUN_M
@@ -24,15 +24,15 @@ from runtime.terrain.steps import level_ahead
 from runtime.traversal.obstacle_probe import PROBE_M, STOP_SECONDS, ObstacleProbe
 from runtime.traversal.traversal import Traversal
 
-TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
-# devices give 1 at most; who leads a character may ask for more than its style's own speed
+TAKE_OFF_FRAMES = 6  # over which the take-off velocity is averaged
+# devices give 1 at most; a script may request more than the style's own speed
 MAX_STICK_LENGTH = 2.0
-CROUCH_SPEED = 0.8  # m/s at full stick
-# of the plan's speed: slower, a body that starts to jog is still gathering speed
+CROUCH_SPEED_M_PER_S = 0.8  # m/s at full stick
+# of the planned speed: a slower body is still accelerating into a jog
 GATHERED_SPEED_FRACTION = 0.8
-JOG_START_GAIN = 1.0  # of the regulator at most, until then
-MIN_PLANNED_SPEED_M_PER_S = 0.05  # m/s: a body that stops is regulated until then
-_SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE)
+JOG_START_GAIN = 1.0  # limit of the regulator's gain until then
+MIN_PLANNED_SPEED_M_PER_S = 0.05  # a stopping body is regulated down to this
+_SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE_S)
 
 
 class FrameRequest(NamedTuple):
@@ -46,11 +46,11 @@ class FrameRequest(NamedTuple):
 def full_speed(style: Style, gait: Gait) -> float:
     """Return the speed (m/s) that a full stick requests in a style."""
     walk, jog = style.speeds
-    return {Gait.JOG: jog, Gait.CROUCH: CROUCH_SPEED}.get(gait, walk)
+    return {Gait.JOG: jog, Gait.CROUCH: CROUCH_SPEED_M_PER_S}.get(gait, walk)
 
 
 def _stick(controls: Controls) -> tuple[float, float, float]:
-    """X, Z and length of the stick, which is at most `MAX_STICK_LENGTH`."""
+    """Return X, Z and length of the stick, which is at most `MAX_STICK_LENGTH`."""
     x, z = float(controls.move[0]), float(controls.move[1])
     amount = hypot(x, z)
     kept = min(1.0, MAX_STICK_LENGTH / max(amount, MIN_DIVISOR))
@@ -68,9 +68,9 @@ def probe_paths(
     for i, traversal in enumerate(state.traversals):
         gait = state.jumps[i].requested_gait(controls[i].gait)
         requested = sticks[i][2] * full_speed(state.styles[i].style, gait)
-        # a probe next to a beam would find a drop
+        # beside a beam a probe would find a drop
         ground = None
-        if requested > STAND_SPEED and not clear[i] and not state.feet[i].on_beam:
+        if requested > STAND_SPEED_M_PER_S and not clear[i] and not state.feet[i].on_beam:
             ground = terrain
         probe = traversal.probe(ground, here[i], headings[i], float(state.measured_speed[i]))
         if probe.ahead is not None and model.crosses(probe.ahead.obstacle):
@@ -80,8 +80,8 @@ def probe_paths(
 
 
 def _clear(state: CharacterState, headings: Array, terrain: Terrain) -> list[bool]:
-    """Whose ways hold no edge, towards `headings` `(N, 2)`."""
-    if terrain.steepest * RUN_M < EDGE_M:  # no slope of this ground is an edge
+    """Return, for each character, whether the path along its heading `(N, 2)` is free of edges."""
+    if terrain.steepest * RUN_M < EDGE_M:  # no slope of this ground is steep enough for an edge
         return [True] * len(state)
     ways = np.array([each.path(way) for each, way in zip(state.traversals, headings, strict=True)])
     reach = PROBE_M + STOP_SECONDS * state.measured_speed
@@ -104,7 +104,7 @@ def read_request(
         gait = jump.requested_gait(stick.gait)
         full = full_speed(style, gait)
         speed = 0.0 if probe.stops else amount * full
-        ahead = (x * full, z * full) if speed > STAND_SPEED else None
+        ahead = (x * full, z * full) if speed > STAND_SPEED_M_PER_S else None
         way = ahead or (0.0, 0.0)
         if jump.airborne:  # no steering in the air
             way = state.trajectory.velocity[i].tolist()
@@ -114,7 +114,7 @@ def read_request(
         request.velocity.append(way)
         request.gait.append(int(gait))
         request.facing.append(_facing(traversal, stick.facing, ahead))
-        speeds.append(speed if speed > STAND_SPEED else 0.0)
+        speeds.append(speed if speed > STAND_SPEED_M_PER_S else 0.0)
     state.wished_speed = np.array(speeds)
     return request
 
@@ -122,7 +122,7 @@ def read_request(
 def _facing(
     traversal: Traversal, facing: tuple[float, float] | None, ahead: tuple[float, float] | None
 ) -> float | None:
-    """Yaw (radians) of a wall that is climbed, of what the stick faces, or else of the way ahead; None to keep it."""
+    """Yaw (radians) towards a climbed wall, or of the stick's facing, or of the direction of travel; None to keep it."""
     if traversal.climbing:
         return traversal.yaw
     direction = ahead if facing is None else facing
@@ -130,16 +130,16 @@ def _facing(
 
 
 def root_velocity_of(state: CharacterState, index: int) -> tuple[float, float]:
-    """Return the root velocity over the last frames, m/s (X, Z)."""
+    """Return the root velocity averaged over the last frames, m/s (X, Z)."""
     xz = state.trajectory.xz[index]
     x, z = ((xz[PRESENT] - xz[PRESENT - TAKE_OFF_FRAMES]) / (TAKE_OFF_FRAMES * DT)).tolist()
     return x, z
 
 
 def _jog_from(style: Style, gait: int, wished: float) -> float:
-    """Speed of the plan (m/s) from which a body jogs: a slow jog is one too."""
+    """Planned speed (m/s) from which the gait is a jog, also for slow jogs."""
     middle = 0.5 * sum(style.speeds)
-    return min(middle, JOG_SHARE * wished) if gait == Gait.JOG else middle
+    return min(middle, JOG_SPEED_FRACTION * wished) if gait == Gait.JOG else middle
 
 
 def steer(
@@ -164,7 +164,7 @@ def steer(
     shown = (state.root_speed * state.stride.fraction).tolist()
     gains = state.regulator.update(speeds, shown, moving)
     for i, speed in enumerate(speeds):
-        # requested more while it gathers speed, the network dives into a jog
+        # requested more while it accelerates, the network would lurch into a jog
         gathers = state.regulator.measured[i] < GATHERED_SPEED_FRACTION * speed
         if request.gait[i] == Gait.JOG and gathers and state.regulator.stood[i] < STANDING_SECONDS:
             gains[i] = min(gains[i], JOG_START_GAIN)

@@ -1,6 +1,6 @@
-"""What the roots take of the network's velocity: feet carry them in a stop, strides stretch, obstacles hold them back.
+"""Root velocity from the network's, corrected: carried by the feet in a stop, with scaled strides, held back by obstacles.
 
-When nothing more is requested bodies come to rest: their time slows down, and they come over their feet.
+When nothing is requested any more, bodies come to rest: their time slows down, and they move over their feet.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from math import cos, hypot, pi, sin
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.controls import STAND_SPEED, Gait
+from runtime.controls import STAND_SPEED_M_PER_S, Gait
 from runtime.motion.features import DT
 from runtime.motion.pace import stretch
 from runtime.motion.pose_smoothing import (
@@ -32,12 +32,12 @@ from runtime.terrain.steps import level_ahead
 from runtime.traversal.obstacle_probe import CLEAR, HALF_BODY_M, ObstacleProbe, held_back
 from runtime.traversal.traversal_frame import traversal_velocity
 
-LAST_SPEED = 9.0  # times the planned speed: what is more fades at the end of a stop,
-FIRM_CONTACT_WEIGHT = 0.5  # sum of squared contacts that carry a root
-# seconds, half-life: the planted feet carry the root on, or they would slide under it
+LAST_SPEED_RATIO = 9.0  # times the planned speed: more than that fades at the end of a stop,
+FIRM_CONTACT_WEIGHT = 0.5  # sum of squared contacts from which feet carry the root
+# half-life: planted feet carry the root, which would otherwise slide over them
 COAST_HALF_LIFE_S = 0.24
-SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
-_COAST, _FOLLOWS = decay(COAST_HALF_LIFE_S), 1.0 - decay(SPEED_HALF_LIFE)
+SPEED_HALF_LIFE_S = 0.25  # smoothing of the measured speed, which varies within a stride
+_COAST, _FOLLOWS = decay(COAST_HALF_LIFE_S), 1.0 - decay(SPEED_HALF_LIFE_S)
 
 
 def root_velocity(
@@ -60,14 +60,14 @@ def root_velocity(
         x, z = _carried(state, i, velocities[i], carried[i], rest[i])
         speed, requested = hypot(x, z), float(state.requested_speed[i])
         if state.wished_speed[i] == 0.0 and not jump.airborne:
-            # a body at rest does not creep: what is faster than the plan fades
-            most = max(LAST_SPEED * requested, _COAST ** (GAME_RESPONSE_FRACTION**-haste) * root[i])
+            # a body at rest does not creep: speed beyond the plan fades
+            most = max(LAST_SPEED_RATIO * requested, _COAST ** (GAME_RESPONSE_FRACTION**-haste) * root[i])
             creep = min(1.0, most / max(speed, MIN_SIZE))
             x, z, speed = creep * x, creep * z, creep * speed
         root[i], measured[i] = speed, measured[i] + (speed - measured[i]) * _FOLLOWS
         aside_x, aside_z = over_feet(state, i)
         longer = 1.0
-        if measured[i] > 0.5 * requested > 0.5 * STAND_SPEED and not jump.airborne:
+        if measured[i] > 0.5 * requested > 0.5 * STAND_SPEED_M_PER_S and not jump.airborne:
             planned = float(state.smooth_request[i]), requested
             longer = stretch(planned, (measured[i], speed), jogs[i], haste)
         velocities[i] = (longer * (x + aside_x), longer * (z + aside_z))
@@ -79,7 +79,7 @@ def root_velocity(
 def _carried(
     state: CharacterState, i: int, velocity: list[float], carried: tuple[float, float, float], rest: float
 ) -> tuple[float, float]:
-    """Pulled by held feet, carried by planted ones in a stop, and as a body in the air flies."""
+    """Root velocity after foot lock: pulled by held feet, carried by planted feet in a stop, ballistic in the air."""
     pull, yaw = state.feet[i].pull, float(state.trajectory.yaw[i, PRESENT])
     cosine, sine = cos(yaw), sin(yaw)
     x = cosine * velocity[0] + sine * velocity[1] + pull[0]
@@ -94,11 +94,11 @@ def _carried(
 def _past_obstacles(
     state: CharacterState, velocity: Array, probes: Sequence[ObstacleProbe], terrain: Terrain
 ) -> Array:
-    """Keyframed while an obstacle is crossed, held back before one, led along walls."""
+    """Correct velocities at obstacles: keyframed in a traversal, held back before an obstacle, kept from walls."""
     gentle, walls = terrain.steepest * RUN_M < EDGE_M, has_walls(terrain)
     clear = [True] * len(state)
     if not gentle:
-        near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
+        near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less than 2
         way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), MIN_DIVISOR)
         clear = level_ahead(terrain, state.trajectory.here, way, near).tolist()
     for i, (traversal, probe) in enumerate(zip(state.traversals, probes, strict=True)):
@@ -114,19 +114,19 @@ def _past_obstacles(
     return velocity
 
 
-# m/s of the plan of a stop: from there on the feet carry the root, and arms and trunk grow calm
-CALM_FROM_FRACTION = 0.8
-TURNING_RAD = 0.03  # rad of the stick's facing that the plan has not reached: a body turns on the spot
-STANDING_CONTACT_FRACTION = 0.5  # of a contact of heel or toe
-GAIT_CHANGE_FRACTION = 0.03  # of the labels of gait in a frame: a body crouches or gets up
+# planned speed (m/s) of a stop below which feet carry the root, and arms and trunk settle
+SETTLING_SPEED_M_PER_S = 0.8
+TURNING_RAD = 0.03  # difference between requested and planned facing from which a body turns in place
+STANDING_CONTACT_FRACTION = 0.5  # contact of heel or toe from which a foot stands
+GAIT_CHANGE_FRACTION = 0.03  # change of the gait labels per frame from which a body crouches or gets up
 
 
 def rest_share(state: CharacterState) -> list[float]:
-    """Return how far each body has come to rest: 0 while it moves or gestures, 1 when its plan stands still."""
+    """Return how far each body has come to rest: 0 while it moves or gestures, 1 when its plan has stopped."""
     return [
         0.0
         if wished > 0.0 or jump.airborne
-        else min(max(1.0 - requested / CALM_FROM_FRACTION, 0.0), 1.0) * (1.0 - max(swings))
+        else min(max(1.0 - requested / SETTLING_SPEED_M_PER_S, 0.0), 1.0) * (1.0 - max(swings))
         for wished, requested, swings, jump in zip(
             state.wished_speed.tolist(),
             state.requested_speed.tolist(),
@@ -159,7 +159,7 @@ def settled_pose(state: CharacterState, local: Array, joints: Array, contacts: A
 
 
 def _is_free(state: CharacterState, i: int) -> bool:
-    """Whether nothing is requested of a body, which may be coming to rest."""
+    """Whether nothing is requested of a body, so that it may come to rest."""
     path, arms, swings = state.trajectory, state.arms, state.rest.fraction[i]
     if state.wished_speed[i] > 0.0 or arms.left[i] > 0.0 or state.jumps[i].stage or state.traversals[i].kind:
         return False
@@ -168,7 +168,7 @@ def _is_free(state: CharacterState, i: int) -> bool:
 
 
 def _stands_still(state: CharacterState, i: int) -> bool:
-    """Whether the plan stands still and the gait is what it was."""
+    """Whether the plan has stopped and the gait no longer changes."""
     gait = state.trajectory.gait[i]
     same = np.abs(gait[PRESENT] - gait[PRESENT - 1]).max() <= GAIT_CHANGE_FRACTION
     return bool(state.requested_speed[i] < RESTING_SPEED_M_PER_S and same)

@@ -1,7 +1,7 @@
-"""The whole state of a controller at one frame, so that motion can go on from there again, now or in another session.
+"""The complete state of a controller at one frame, to resume the motion from there, now or in another session.
 
-A state is a value, so that a snapshot is the state itself. Its file is that of `runtime.records`: the fields of
-`CharacterState` as JSON and arrays, checked one by one. The same model, ground, seed and controls after `restore` give
+States are immutable, so that a snapshot is the state itself. Its file format is that of `runtime.records`: the fields of
+`CharacterState` as JSON and arrays, each checked. The same model, ground, seed and controls after `restore` give
 the same frames, bit by bit.
 """
 
@@ -31,9 +31,9 @@ from runtime.traversal.traversal import is_possible
 
 VERSION = 8
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
-MOST_CODES, LARGEST_SHARE, MAX_CODE_VALUE = 64, 64.0, 1e4
-LONGEST_BLEND_S, MAX_STRENGTH_RATIO, MAX_SPEED_M_PER_S = 1e6, 16.0, 100.0
-# what zipfile, json and numpy raise on damaged bytes
+MAX_MIX_CODES, MAX_MIX_WEIGHT, MAX_CODE_VALUE = 64, 64.0, 1e4
+MAX_BLEND_S, MAX_STRENGTH_RATIO, MAX_SPEED_M_PER_S = 1e6, 16.0, 100.0
+# exceptions of zipfile, json and numpy for damaged bytes
 DAMAGES = (
     ValueError, KeyError, TypeError, OSError, EOFError, IndexError, AttributeError, RecursionError, NotImplementedError,
     RuntimeError, OverflowError, MemoryError, BadZipFile, zlib.error,
@@ -82,7 +82,7 @@ class Snapshot:
 
     @staticmethod
     def from_bytes(data: bytes, name: str = "snapshot") -> Snapshot:
-        """Read a snapshot written by `to_bytes`; a FileError that begins with `name` for anything else."""
+        """Read a snapshot written by `to_bytes`; raises a FileError beginning with `name` for anything else."""
         if len(data) > MAX_BYTES:
             raise FileError(f"{name}: larger than {MAX_BYTES >> 20} MB.", REMEDY)
         try:
@@ -102,7 +102,7 @@ class Snapshot:
 
 
 def _with_edits(tree: Any) -> Any:
-    """The state of a file in which edits were kept with the feet: they begin anew."""
+    """Return the state of a file in which edits were stored with the feet: they restart."""
     if "edits" in tree:
         return tree
     feet = [
@@ -113,7 +113,7 @@ def _with_edits(tree: Any) -> Any:
 
 
 def _is_one_character(state: CharacterState) -> bool:
-    """Whether a state that was read from a file is one that a character can be in."""
+    """Whether a state read from a file is valid for one character."""
     if {len(state.feet), len(state.edits), len(state.traversals), len(state.jumps)} != {1} or state.styles:
         return False
     numbers = bool(state.seed[0] >= 0 and state.frame[0] >= 0)
@@ -136,20 +136,20 @@ def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any
 
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
-    limits = (("seconds", LONGEST_BLEND_S), ("progress", 1.0), ("strength", MAX_STRENGTH_RATIO))
+    limits = (("seconds", MAX_BLEND_S), ("progress", 1.0), ("strength", MAX_STRENGTH_RATIO))
     numbers = [read_number(tree[name], most) for name, most in limits]
     if (numbers[1] < 1.0 and numbers[0] <= 0.0) or numbers[1] < 0.0:
-        raise ValueError("a blend that takes no time")
+        raise ValueError("a blend without duration")
     start = tree["start"]
     begun = _mix(start, arrays) if "codes" in start else _folded(start, arrays)
     return StyleCodes(begun, _mix(tree["goal"], arrays), *numbers)
 
 
 def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
-    """A folded style; whether its shapes are those of a model shows when it is restored."""
+    """Return a folded style; whether its shapes fit the model is checked by `restore`."""
     folded = [arrays[int(tree[name])] for name in FOLDED_FIELDS]
     if any(array.dtype != np.float32 or not (np.abs(array) <= MAX_CODE_VALUE).all() for array in folded):
-        raise ValueError("weights that no style has")
+        raise ValueError("invalid style weights")
     z, front_bias, content_weight, content_bias, rest = folded
     walk, jog = (read_number(tree[name], MAX_SPEED_M_PER_S) for name in ("walk_speed", "jog_speed"))
     edits = checked_targets(arrays[int(_edits(tree))])
@@ -159,34 +159,34 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     if tree.get("opposite") is None:
         return replace(made, mirrored=tree.get("mirrored") is True)
     opposite = _folded(tree["opposite"] | {"opposite": None}, arrays)
-    limbs = tuple(read_number(fraction, LARGEST_SHARE) for fraction in tree["limbs"])
+    limbs = tuple(read_number(fraction, MAX_MIX_WEIGHT) for fraction in tree["limbs"])
     if len(limbs) != LIMBS:
-        raise ValueError("limbs that no body has")
+        raise ValueError("invalid limb weights")
     return replace(made, mirrored=tree["mirrored"] is True, opposite=opposite, limbs=limbs)
 
 
 def _gains(values: Any) -> tuple[float, ...]:
     gains = tuple(read_number(value, MOST_GAIN) for value in values)
     if len(gains) != len(SWINGS):
-        raise ValueError("swings that no body has")
+        raise ValueError("invalid swing gains")
     return gains
 
 
 def _edits(tree: Any) -> Any:
-    return tree["edits"] if "edits" in tree else tree["legs"]  # the name in files without a trunk
+    return tree["edits"] if "edits" in tree else tree["legs"]  # the field's name in files without a trunk
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
     codes = arrays[int(tree["codes"])]
-    fractions = [read_number(fraction, LARGEST_SHARE) for fraction in tree["weights"]]
+    fractions = [read_number(fraction, MAX_MIX_WEIGHT) for fraction in tree["weights"]]
     fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(fractions)
-    if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= MAX_CODE_VALUE).all():
-        raise ValueError("codes that no style has")
+    if not fits or not 1 <= len(codes) <= MAX_MIX_CODES or not (np.abs(codes) <= MAX_CODE_VALUE).all():
+        raise ValueError("invalid style codes")
     return StyleMix(tuple(fractions), tuple(codes), checked_targets(_edits(tree)))
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:
-    """The arrays of an NPZ that unfolds to at most `MAX_BYTES`, whatever its headers say; ValueError for another."""
+    """Return the arrays of an NPZ that unpacks to at most `MAX_BYTES`, whatever its headers say; ValueError otherwise."""
     arrays, left = {}, MAX_BYTES
     with ZipFile(io.BytesIO(data)) as file:
         for member in file.infolist():
@@ -194,18 +194,18 @@ def _arrays(data: bytes) -> dict[str, np.ndarray]:
                 content = stream.read(left + 1)
             left -= len(content)
             if left < 0:
-                raise ValueError("it unfolds to too much")
+                raise ValueError("too large when unpacked")
             arrays[member.filename.removesuffix(".npy")] = _array(content)
     return arrays
 
 
 def _array(content: bytes) -> np.ndarray:
-    """An NPY whose values are all there."""
+    """Return the array of a complete NPY; ValueError if it is truncated."""
     stream = io.BytesIO(content)
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("an array of another version")
     shape, fortran, kind = np.lib.format.read_array_header_1_0(stream)
     values = content[stream.tell() :]
     if kind.hasobject or kind.names or math.prod(shape) * kind.itemsize != len(values):
-        raise ValueError("an array that is cut off")
+        raise ValueError("a truncated array")
     return np.frombuffer(values, kind).reshape(shape, order="F" if fortran else "C").copy()

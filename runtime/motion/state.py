@@ -1,4 +1,4 @@
-"""Everything of N characters that changes from frame to frame."""
+"""The complete state of N characters that changes from frame to frame."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def shown_poses(
     return Poses(hips, local, positions, world, contacts, root, trajectory.yaw[:, PRESENT].copy())
 
 
-# m/s: a hand in a captured jog; a network far from its data jumps at up to 100
+# m/s: faster than a hand in a captured jog; a network far from its data reaches 100
 MAX_JOINT_SPEED_M_PER_S = 24.0
 SLOWING_ROUNDS = 4
 
@@ -113,7 +113,7 @@ def bound_speed(poses: Poses, before: Poses) -> None:
     last = before.hips[fast], before.local[fast], before.positions[fast]
     hips, local, positions = poses.hips[fast], poses.local[fast], poses.positions[fast]
     fraction = np.ones((len(hips), 1))
-    for _ in range(SLOWING_ROUNDS):  # a fraction of all turns is not that of the way
+    for _ in range(SLOWING_ROUNDS):  # a fraction of all turns is not the same fraction of the distance
         fraction *= np.minimum(1.0, MAX_JOINT_SPEED_M_PER_S / _fastest_joint(positions, last[2]))[:, None]
         placed = last[0] + fraction * (hips - last[0]), rotations.slerp(last[1], local, fraction)
         positions, world = SPORT_SKELETON.forward_kinematics(*placed)
@@ -122,7 +122,7 @@ def bound_speed(poses: Poses, before: Poses) -> None:
 
 
 def _fastest_joint(positions: Array, before: Array) -> Array:
-    """m/s `(N,)` of the fastest of the joints `(N, 31, 3)`."""
+    """Return the speed (m/s) `(N,)` of the fastest of the joints `(N, 31, 3)`."""
     return np.asarray(np.linalg.norm(positions - before, axis=-1).max(-1) / DT)
 
 
@@ -137,16 +137,16 @@ class CharacterState:
     """
 
     seed: NDArray[np.int64] = field(metadata={"shape": (), "dtype": np.int64})  # of the noise
-    # since the character was put down
+    # since the character was placed
     frame: NDArray[np.int64] = field(metadata={"shape": (), "dtype": np.int64})
-    # the network's own pose, relative to the root: what is fed back
+    # the network's own pose, relative to the root, which is fed back
     joints: Array = field(metadata={"shape": (J, 3), "most": 100.0})
     velocities: Array = field(metadata={"shape": (J, 3), "most": 1000.0})  # m/s
     phase: Array = field(metadata={"shape": (LENGTH, C, 2), "most": 1000.0})
     trajectory: Trajectory
-    ground: Array = field(metadata=_ONE)  # m, the height that the body is placed over
-    wished_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s, the stick's
-    requested_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s, planned on the way there
+    ground: Array = field(metadata=_ONE)  # m, height of the ground under the body
+    wished_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s, requested by the stick
+    requested_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s, of the plan towards it
     smooth_request: Array = field(metadata={"shape": (), "most": 100.0})  # the same, smoothed over a stride
     root_speed: Array = field(metadata={"shape": (), "most": 1000.0})  # m/s
     measured_speed: Array = field(metadata={"shape": (), "most": 1000.0})  # the same, smoothed over a stride

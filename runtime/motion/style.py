@@ -1,7 +1,7 @@
-"""Styles, mixed where the network uses them: in the modulator's folded weights; and blends from one to another over time.
+"""Styles, blended in the modulator's folded weights, and transitions between styles over time.
 
-Between two codes Z^t the gating of the content experts is a switch: most of the change comes within a sixth of the way.
-What the experts' weights are folded into is linear in the gating's result, so that a mix of folded weights changes evenly.
+Between two codes Z^t the gating of the content experts acts as a switch: most of the change occurs within a sixth of the
+range. Folded experts' weights are linear in the gating's result, so that a blend of folded weights changes evenly.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from runtime.motion.mirror import LIMBS, Ways, mirrored_code
 from runtime.motion.swing import PLAIN
 from runtime.scalar_math import smoothstep
 
-Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
+Shares = tuple[float, ...]  # blend weights of the second of two styles, at even visible change
 
 LINEAR: Shares = (0.0, 1.0)
 NEUTRAL_SPEEDS = 1.3, 2.0  # m/s of a neutral walk and jog
-CACHED = 16  # folded codes that are kept: a blend of six parts has seven
+MAX_CACHED_FOLDS = 16  # folded codes that are cached: a blend of six parts has seven
 
 
 @dataclass(frozen=True)
 class Style:
-    """A prompt's input to every frame: the modulator's folded weights and the natural speeds."""
+    """The prompt's input to every frame: the modulator's folded weights and the natural speeds."""
 
-    z: Float32Array  # (6, 64), as it came from the prompt, whatever the strength
+    z: Float32Array  # (6, 64), as encoded from the prompt, regardless of strength
     front_bias: Float32Array
     content_weight: Float32Array
     content_bias: Float32Array
     walk_speed: float  # m/s
     jog_speed: float
-    # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
+    # amplitude and turns a second (C, 2) of the phases at rest, from the arm descriptions; zeros if the model has none
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
-    edits: Array = field(default_factory=lambda: np.zeros(SHAPE))  # what parts are to show
-    mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
-    # the same code folded the other way round, where some limbs move as it moves them
+    edits: Array = field(default_factory=lambda: np.zeros(SHAPE))  # edit targets of the body parts
+    mirrored: bool = False  # folded from the mirror image of z: the network walks it mirrored
+    # the same code folded for the opposite walk, if some limbs are taken from it
     opposite: Style | None = None
-    limbs: tuple[float, ...] = (0.0,) * LIMBS  # how far each of the four does
+    limbs: tuple[float, ...] = (0.0,) * LIMBS  # weight of the opposite walk for each of the four limbs
     swings: tuple[float, ...] = PLAIN  # gains of `runtime.motion.swing.SWINGS`
 
     @cached_property
@@ -57,7 +57,7 @@ class Style:
 
     @cached_property
     def speeds(self) -> tuple[float, float]:
-        """Walking and jogging speed (m/s), adjusted by what the prompt says of the legs."""
+        """Walking and jogging speed (m/s), adjusted by the prompt's leg edits."""
         own = self.walk_speed, self.jog_speed
         walk, jog = (self._paced(k, each, NEUTRAL_SPEEDS[k]) for k, each in enumerate(own))
         return walk, jog
@@ -67,7 +67,7 @@ class Style:
         for leg in self.edits[gait, :ROW_TRUNK, PACED].tolist():
             low, high = (neutral * end for end in range_of(leg))
             changes.append(leg[0] * (min(high - own, 0.0) + max(low - own, 0.0)))
-        # the quick step of a limp is that of one leg: only what both are to do changes the speed
+        # the quick step of a limp affects one leg: only edits of both legs change the speed
         left, right = changes
         return float(own + 0.5 * (left + right)) if left * right > 0.0 else own
 
@@ -98,20 +98,20 @@ class StyleMix:
 
 
 def even_weights(fractions: Shares, weights: Sequence[float]) -> Shares:
-    """Return the blend weights of the second style that change the walk visibly by these fractions, 0 to 1.
+    """Return the blend weights of the second style that give these fractions, 0 to 1, of the visible change.
 
-    `fractions` are the weights that `runtime.motion.perceptual_weights` measured.
+    `fractions` are the weights measured by `runtime.motion.perceptual_weights`.
     """
     return tuple(np.interp(weights, np.linspace(0.0, 1.0, len(fractions)), fractions).tolist())
 
 
 def turned_round(fractions: Shares) -> Shares:
-    """Return the measured weights of the same two styles in reverse order."""
+    """Return the measured weights for the same two styles in reverse order."""
     return tuple(1.0 - fraction for fraction in reversed(fractions))
 
 
 def mixes(weights: Sequence[float]) -> bool:
-    """Return whether any part is a mixture of both styles."""
+    """Return whether any part mixes both styles."""
     return any(0.0 < weight < 1.0 for weight in weights)
 
 
@@ -143,7 +143,7 @@ def mixed(styles: Sequence[Style], weights: Sequence[float]) -> Style:
 
 
 class StyleFolder:
-    """Folds codes and mixes at one strength, each code once, with the mirroring chosen by the model's `calibration`."""
+    """Folds codes and mixes at one strength, each code once, mirrored as the model's `calibration` prefers."""
 
     def __init__(
         self,
@@ -157,7 +157,7 @@ class StyleFolder:
         self._known: dict[tuple[bytes, bool], Style] = {}
 
     def fold(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style:
-        """Fold a style for the walk, mirrored or not, in which it looks best, or for those that `like` names.
+        """Fold a style for the walk, mirrored or not, that shows it better, or for the walk that `like` names.
 
         Raises ModelError if a code does not fit the model.
         """
@@ -183,14 +183,14 @@ class StyleFolder:
         if found is None:
             found = self._fold(mirrored_code(z) if mirrored else z, self.strength)
             found = replace(found, z=z, mirrored=True) if mirrored else found
-        self._known[key] = found  # the latest last
-        if len(self._known) > CACHED:
+        self._known[key] = found  # the most recent last
+        if len(self._known) > MAX_CACHED_FOLDS:
             del self._known[next(iter(self._known))]
         return found
 
 
 class Fold(Protocol):
-    """Folds a code or a mix for the walk, mirrored or not, in which it looks best, or for the requested ones."""
+    """Folds a code or a mix for the walk, mirrored or not, that shows it better, or for the requested one."""
 
     def __call__(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style: ...
 
@@ -199,7 +199,7 @@ class Fold(Protocol):
 class StyleCodes:
     """The start and goal of a style transition, and its progress."""
 
-    start: StyleMix | Style  # a blend that began in the middle of another begins with what was shown, folded
+    start: StyleMix | Style  # a blend that starts during another one starts with the folded style shown then
     goal: StyleMix
     seconds: float = 0.0
     progress: float = 1.0  # 0 to 1
@@ -270,7 +270,7 @@ class StyleBlend:
 
 
 def _mix(style: Float32Array | StyleMix | Style) -> StyleMix:
-    """A code `(6, 64)`, or that of a folded style, as a mix of one."""
+    """Return a code `(6, 64)`, or that of a folded style, as a mix of one."""
     if isinstance(style, Style):
         return StyleMix((1.0,), (style.z,), style.edits)
     return style if isinstance(style, StyleMix) else StyleMix((1.0,), (np.array(style, np.float32),))

@@ -1,8 +1,8 @@
-"""Swings of the walk that is shown, drawn out or held back: of the pelvis, the shoulders, the arms and the hips' height.
+"""Amplitude correction of the walk's swings: pelvis, shoulders, arms and the hips' height.
 
-A network damps what varies most between the walks of a style. How far it does is measured once for a model and told by
-Z^t (`training.export.swings`). What is shown is its own pose with every swing about its running mean times a gain; the network
-is fed its own pose. Feet stay where they are, and the hips rise and fall so that the legs which carry them keep their length.
+A network damps the motion that varies most between the walks of a style. The damping is measured once per model and read from
+Z^t (`training.export.swings`). The shown pose is the network's with every swing about its running mean scaled; the network
+is fed its own pose. Feet stay in place, and the hips rise and fall so that the supporting legs keep their length.
 """
 
 from __future__ import annotations
@@ -37,28 +37,28 @@ from runtime.scalar_math import (
 )
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 
-# of which a gain is known: turns of the pelvis about the vertical and about the way ahead, of the shoulders about the
+# swings with a gain: turns of the pelvis about the vertical and about the direction of travel, of the shoulders about the
 # vertical, of the upper arms, and the height of the hips
 SWINGS = ("pelvis_yaw", "pelvis_roll", "shoulder_yaw", "arms", "bob")
 YAW, ROLL, SHOULDERS, ARMS, BOB = range(len(SWINGS))
 PLAIN = (1.0,) * len(SWINGS)
 LEAST_GAIN, MOST_GAIN = 0.5, 2.5
-MOST = (radians(9.0), radians(6.0), radians(12.0), radians(30.0), 0.04)  # radians and metres that are added
-# the parts whose words tell each swing: what an arm does leaves the pelvis alone
+MAX_ADDED_SWINGS = (radians(9.0), radians(6.0), radians(12.0), radians(30.0), 0.04)  # rad, m: limits
+# body parts whose descriptions determine each swing: an arm's description leaves the pelvis alone
 _LEGS_TRUNK, _ARMS_TRUNK = (
     [PART_NAMES.index(part) for part in (*limbs, "torso")]
     for limbs in (("left_leg", "right_leg"), ("left_arm", "right_arm"))
 )
 _TOLD_BY = (_LEGS_TRUNK, _LEGS_TRUNK, _ARMS_TRUNK, _ARMS_TRUNK, _LEGS_TRUNK)
-# root mean square of a code's distance at which a style tells little: its own sentences lie within twice that, others beyond
+# root mean square of a code's distance at which a style is hardly informative: its own sentences lie within twice that
 KNOWN_STYLE_CODE_DISTANCE = 0.2
-UNKNOWN_STYLE_WEIGHT = 0.01  # weight of the gain 1 against that of a style at its own code
-CAPTURED_GAIN_FRACTION = 0.1  # of a gain: as far from 1, it is that of a captured style
-UNSEEN_GAIN_FRACTION = 0.03  # of a gain: nearer to 1 it is left alone
-MIN_SHARE_FRACTION = 1e-3  # of what is drawn out: less is none
-MEAN_HALF_LIFE_S = 0.8  # seconds in which the means follow the pose
+UNKNOWN_STYLE_WEIGHT = 0.01  # weight of the default gain 1, relative to that of a style at its own code
+CAPTURED_GAIN_FRACTION = 0.1  # difference of a gain from 1 up to which a style counts as captured
+UNSEEN_GAIN_FRACTION = 0.03  # difference of a gain from 1 below which it is ignored
+MIN_SHARE_FRACTION = 1e-3  # smaller weights count as zero
+MEAN_HALF_LIFE_S = 0.8  # of the running means of the pose
 _SEEN = 1.0 - decay(MEAN_HALF_LIFE_S)
-# seconds, half-lives, in which gains come into force in a walk, and go
+# half-lives, of the gains when a walk begins and when it ends
 SET_IN_HALF_LIFE_S, LEAVE_HALF_LIFE_S = 0.5, 0.12
 _SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
 _NECK = SPORT_SKELETON.index("Neck")
@@ -81,7 +81,7 @@ class MeasuredSwings:
     gains: Array
 
     def of(self, z: Array) -> tuple[float, ...]:
-        """Return the swing gains for Z^t `(6, 64)`, from the nearest measured styles; 1 far from all."""
+        """Return the swing gains for Z^t `(6, 64)` from the nearest measured styles; 1 if all are far away."""
         away = ((self.codes - z) ** 2).mean(-1)
         near = np.stack(
             [np.exp(-0.5 * away[:, parts].mean(1) / KNOWN_STYLE_CODE_DISTANCE**2) for parts in _TOLD_BY]
@@ -144,7 +144,7 @@ class Swings:
                 continue
             at, rotations = hips[i].tolist(), local[i].tolist()
             now = _measured(at[1], rotations)
-            means = self.means[i].tolist() if shares[i] > 0.0 else now  # begins with what is
+            means = self.means[i].tolist() if shares[i] > 0.0 else now  # starts from the current pose
             kept = decay(SET_IN_HALF_LIFE_S if walks else LEAVE_HALF_LIFE_S)
             shares[i] += (1.0 - kept) * (walks - shares[i])
             more = [shares[i] * (gain - 1.0) for gain in own]
@@ -171,7 +171,7 @@ def _measured(height: float, rotations: list[Quaternion]) -> list[float]:
 
 
 def _followed(means: list[float], now: list[float]) -> list[float]:
-    """Means that have gone on towards what is; the sign of a rotation may be either."""
+    """Return running means updated towards the current pose; handles both signs of a quaternion."""
     result = [mean + _SEEN * (value - mean) for mean, value in zip(means[:4], now[:4], strict=True)]
     for k in range(4, _MEANS, 4):
         (a, b, c, d), (w, x, y, z) = means[k : k + 4], now[k : k + 4]
@@ -191,9 +191,9 @@ def _swung(
     now: list[float],
     means: list[float],
 ) -> tuple[float, dict[int, Quaternion]]:
-    """Metres that the hips rise, and local rotations of the joints that turn; `more` is what is added of every swing, as a fraction of it."""
+    """Return the hips' rise (metres) and the local rotations of turned joints; `more` are the added fractions of each swing."""
     yaw, roll, turn, rise = (
-        min(max(more[k] * (now[at] - means[at]), -MOST[k]), MOST[k])
+        min(max(more[k] * (now[at] - means[at]), -MAX_ADDED_SWINGS[k]), MAX_ADDED_SWINGS[k])
         for at, k in enumerate((YAW, ROLL, SHOULDERS, BOB))
     )
     pelvis = multiply(from_vector((0.0, yaw, roll)), local[0])
@@ -201,10 +201,10 @@ def _swung(
     for k, joint in enumerate(_UPPER_ARMS, 1):
         w, x, y, z = means[4 * k : 4 * k + 4]
         swing = to_vector(multiply(local[joint], (w, -x, -y, -z)))
-        size = min(abs(more[ARMS]), MOST[ARMS] / max(length(swing), MIN_DIVISOR))
+        size = min(abs(more[ARMS]), MAX_ADDED_SWINGS[ARMS] / max(length(swing), MIN_DIVISOR))
         turned[joint] = multiply(from_vector(scale(swing, copysign(size, more[ARMS]))), local[joint])
     before = [leg_forward(bones, hips, local) for bones in _LEGS]
-    legs = []  # their thighs go with the pelvis, and their feet stay
+    legs = []  # the thighs move with the pelvis, and the feet stay
     for leg, bones in zip(before, _LEGS, strict=True):
         base, hip = leg_base(bones, hips, pelvis, local[bones.joints[0]])
         legs.append(LegPose(base, *leg[1:4], hip, add(leg.knee, subtract(hip, leg.hip)), *leg[6:]))
@@ -218,7 +218,7 @@ def _swung(
 def _turned_spine(
     local: list[Quaternion], pelvis: Quaternion, added: tuple[float, float, float]
 ) -> dict[int, Quaternion]:
-    """Turn the spine from what is added at the pelvis to what is at the chest; the head looks where it looked."""
+    """Distribute the pelvis' and chest's added turns over the spine; the head keeps its direction."""
     yaw, roll, turn = added
     was, now, turned = local[0], pelvis, {}
     for k, joint in enumerate(_SPINE, 1):
@@ -232,5 +232,5 @@ def _turned_spine(
 
 
 def _yaw(line: Vector) -> float:
-    """Radians by which a line from right to left is turned about the vertical."""
+    """Yaw (radians) of the line from right to left."""
     return atan2(-line[2], line[0])

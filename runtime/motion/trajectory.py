@@ -1,10 +1,10 @@
-"""Where the character was and is requested to go: ±1 s of root path, facing and gait, blended from stick and network.
+"""The character's past and requested motion: ±1 s of root path, facing and gait, blended from stick and network.
 
-Momentum: a stick is a wish, and a body changes its velocity and its facing in the time that a body takes.
-What is missing of a wish goes in the same way for both: by `reach` in every `seconds`, faster in proportion where more
-than `reach` is missing. Captures stop from a walk in 0.95 to 1.97 s at 0.9 to 1.5 m/s2, from a run in 1.1 to 2.2 s, start
+Momentum: the stick is a request, and the body takes time to change its velocity and its facing.
+Both approach the request in the same way: by `reach` in every `seconds`, and faster in proportion if the difference is more
+than `reach`. Captures stop from a walk in 0.95 to 1.97 s at 0.9 to 1.5 m/s2, from a run in 1.1 to 2.2 s, start
 in 1.0 to 1.6 s and turn at up to 90 to 220 degrees/s walking, 180 to 340 running (docs/results/moments.md). The network sees
-the whole path of the coming second, with the labels of gait that its training gave to such speeds.
+the whole path of the coming second, with the gait labels that its training data has at such speeds.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from runtime.motion.style import NEUTRAL_SPEEDS
 from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE, decay
 from runtime.terrain.height_map import Terrain
 
-TO_WALK_S = 0.72  # seconds from rest to the walking speed of a neutral body, and back
-# of TO_WALK: a style slower than neutral has slower steps
+TO_WALK_S = 0.72  # from rest to the walking speed of a neutral body, and back
+# of TO_WALK_S: a style slower than neutral has slower steps
 FASTEST_CHANGE_RATIO, SLOWEST_CHANGE_RATIO = 0.85, 1.12
-TURN = np.pi / 2  # radians
+TURN_RAD = np.pi / 2  # radians
 TO_TURN_S = (0.95, 1.25, 0.75)  # seconds: standing, walking, and at twice that speed
-GAME_RESPONSE_FRACTION = 0.13  # of these times, at full response
+GAME_RESPONSE_FRACTION = 0.13  # factor on these times at full response
 MIN_RESPONSE, MAX_RESPONSE = 0.0, 1.0
-WISH_HALF_LIFE = 0.1  # seconds in which a body makes up its mind
-LABEL_HALF_LIFE = 0.08  # seconds in which a gait's label comes and goes
-CROUCH_HALF_LIFE = 0.35  # of the label of a crouch: knees and elbows snap where it comes at once
-STILL_SPEED = 0.15  # m/s: slower is standing, as the training's labels have it
-JOG_SHARE = 0.75  # of a slow jog's speed from which it is a jog
-# times a speed over its threshold: labels go over from 1 to 2, a third of it to both sides
+REQUEST_HALF_LIFE = 0.1  # seconds, of the reaction to a request
+LABEL_HALF_LIFE = 0.08  # seconds, in which a gait's label fades in and out
+CROUCH_HALF_LIFE = 0.35  # seconds, of a crouch's label: knees and elbows would snap if it changed at once
+STILL_SPEED_M_PER_S = 0.15  # m/s: slower is standing, as in the training labels
+JOG_SPEED_FRACTION = 0.75  # fraction of a slow jog's speed from which it counts as a jog
+# a label fades in from 1 to 2 on this multiple of speed over threshold: at 2/3 to 4/3 of the threshold
 LABEL_CHANGE_RATIO = 1.5
-MIN_CROUCH_CHANGE = 0.02  # of the weight of a crouch, from which on it is slow
+MIN_CROUCH_CHANGE = 0.02  # of the weight of a crouch: more is faded slowly
 AHEAD = np.arange(61) / FPS  # seconds of the coming frames, the present one first
 _STAND, _WALK, _JOG, _CROUCH = map(int, (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH))
-_MAKES_UP = decay(WISH_HALF_LIFE)
+_MAKES_UP = decay(REQUEST_HALF_LIFE)
 _LABEL_FADE = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
 
 
@@ -61,7 +61,7 @@ def change_seconds(walk_speed: float, response: float) -> float:
 
 
 def turn_seconds(speed: float, walk_speed: float, response: float) -> float:
-    """Return the time (seconds) to turn by TURN at a speed (m/s); see `change_seconds`."""
+    """Return the time (seconds) to turn by TURN_RAD at a speed (m/s); see `change_seconds`."""
     standing, walking, twice = TO_TURN_S
     going = min(speed / walk_speed, 2.0)
     slower, faster, part = (standing, walking, going) if going < 1.0 else (walking, twice, going - 1.0)
@@ -90,9 +90,9 @@ def planned_velocities(now: Array, wish: Array, reach: Array, seconds: Array) ->
 
 
 def facings(now: Array, wish: Array, seconds: Array) -> Array:
-    """Return yaws `(N, 61)` (radians) that turn the shorter way from `now` to `wish` `(N,)`, by TURN in `seconds` `(N,)`."""
+    """Return yaws `(N, 61)` (radians) that turn the shorter way from `now` to `wish` `(N,)`, by TURN_RAD in `seconds` `(N,)`."""
     turn = (now - wish + np.pi) % (2 * np.pi) - np.pi
-    left = remaining(np.abs(turn)[:, None], TURN, seconds[:, None], AHEAD)
+    left = remaining(np.abs(turn)[:, None], TURN_RAD, seconds[:, None], AHEAD)
     return np.asarray((now - turn)[:, None] + np.sign(turn)[:, None] * left)
 
 
@@ -104,8 +104,8 @@ def labels(
     `gait` is the requested one, `now` `(N, 6)` the present weights, from which the plan fades in; `jog_from` (m/s) is where
     a jog begins. Gaits other than stand, walk and jog are kept. At full `response` a crouch comes as fast as other labels.
     """
-    # a body that jumps without a stick has a threshold of 0
-    thresholds = np.array([[STILL_SPEED, max(each, MIN_SIZE)] for each in jog_from]).T
+    # a jump with the stick at rest has a threshold of 0
+    thresholds = np.array([[STILL_SPEED_M_PER_S, max(each, MIN_SIZE)] for each in jog_from]).T
     moves, jogs = smoothstep(speeds * (LABEL_CHANGE_RATIO / thresholds)[..., None] - 1.0)
     jogs *= moves
     plan = np.zeros((*speeds.shape, GAITS))
@@ -127,17 +127,17 @@ PRESENT = 60  # index of the current frame in the dense ±60 frame window
 LENGTH = 2 * PRESENT + 1
 SAMPLES = TRAJECTORY_OFFSETS + PRESENT  # the network's 12 samples
 
-# How strongly the stick overrules the network along the coming second: 1 - (1 - t)^bias at time t of it.
+# How strongly the stick overrides the network along the coming second: 1 - (1 - t)^bias at time t.
 POSITION_BIAS_RATIO = 8.0
 DIRECTION_BIAS_RATIO = 3.0
 
-_AT = features.FUTURE_OFFSETS.astype(float)  # the network's coming samples,
-_FRAMES = np.arange(1, LENGTH - PRESENT)  # the coming frames,
-_BEYOND = np.maximum(_FRAMES - _AT[-1], 0.0) / SAMPLE_STEP  # and how far each lies after the last sample
+_AT = features.FUTURE_OFFSETS.astype(float)  # frames of the network's coming samples,
+_FRAMES = np.arange(1, LENGTH - PRESENT)  # coming frames,
+_BEYOND = np.maximum(_FRAMES - _AT[-1], 0.0) / SAMPLE_STEP  # and distance of each beyond the last sample
 _TIME = _FRAMES / (LENGTH - PRESENT - 1)
 _ALONG = (1 - (1 - _TIME) ** POSITION_BIAS_RATIO)[:, None]
 _AROUND = 1 - (1 - _TIME) ** DIRECTION_BIAS_RATIO
-# fractions (60, 6) of the samples in every coming frame, the last one kept beyond it; and going on as it went
+# weights (60, 6) of the samples in every coming frame: the last one held beyond it, or extrapolated
 _KEPT = np.maximum(1.0 - np.abs(np.minimum(_FRAMES, _AT[-1])[:, None] - _AT) / SAMPLE_STEP, 0.0)
 _GOING_ON = _KEPT.copy()
 _GOING_ON[:, -1] += _BEYOND
@@ -255,7 +255,7 @@ class Trajectory:
 
 
 def _turns(directions: list[list[float]], yaw: float) -> list[float]:
-    """Radians from a yaw to directions one after the other, the shorter way to each."""
+    """Return the angles (radians) from a yaw through successive directions, each by the shorter turn."""
     turns, last = [], yaw
     for x, z in directions:
         last += (atan2(x, z) - last + pi) % (2.0 * pi) - pi

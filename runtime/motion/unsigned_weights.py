@@ -1,9 +1,9 @@
-"""8-bit weights of an ONNX graph, signed to unsigned, for processors on which signed ones overflow.
+"""Converts the 8-bit weights of an ONNX graph from signed to unsigned, for processors on which signed products overflow.
 
-x86 processors without VNNI add pairs of unsigned times signed products in 16 bits, which saturates. onnxruntime widens
-unsigned times unsigned ones. Its own remedy (session.x64quantprecision) fails on weights that several products share.
-A weight w with zero point z becomes w + 128 with z + 128, so that every product stays the same to the last bit. The
-graph is changed in its protobuf encoding, because the runtime does without the package `onnx`.
+x86 processors without VNNI add pairs of unsigned times signed products in 16 bits, which saturates; onnxruntime widens
+unsigned times unsigned products. Its own option (session.x64quantprecision) fails on weights shared by several products.
+A weight w with zero point z becomes w + 128 with z + 128, so that every product is identical to the last bit. The
+graph is edited in its protobuf encoding, because the runtime does not depend on the package `onnx`.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-# numbers of fields, and of types of elements, in onnx.proto
+# field numbers and element types of onnx.proto
 _GRAPH = 7  # of a ModelProto
 _INITIALIZER, _VALUE_INFO = 5, 13  # of a GraphProto
 _DATA_TYPE, _INT32_DATA, _RAW_DATA = 2, 5, 9  # of a TensorProto
 _UINT8, _INT8 = 2, 3
-_VARINT, _FIXED_64, _BYTES, _FIXED_32 = 0, 1, 2, 5  # kinds of fields on the wire
+_VARINT, _FIXED_64, _BYTES, _FIXED_32 = 0, 1, 2, 5  # wire types of fields
 _PAYLOAD_BITS, _PAYLOAD, _MORE, _MAX_BITS = 7, 0x7F, 0x80, 70  # of each byte of a varint, and of a whole one
 
 
@@ -27,7 +27,7 @@ class _Field(NamedTuple):
     kind: int
     value: int  # of a varint; the length of bytes
     start: int  # of the field
-    content: int  # of what follows the number and the length
+    content: int  # offset of the content after field number and length
     end: int
 
 
@@ -47,7 +47,7 @@ def _graph(data: bytes) -> bytes:
     for field in _fields(data):
         if (field.number, field.kind) == (_INITIALIZER, _BYTES):
             out += _encoded(_INITIALIZER, _tensor(data[field.content : field.end]))
-        elif field.number != _VALUE_INFO:  # types in between, which onnxruntime infers
+        elif field.number != _VALUE_INFO:  # intermediate types, which onnxruntime infers
             out += data[field.start : field.end]
     return bytes(out)
 
@@ -69,7 +69,7 @@ def _tensor(data: bytes) -> bytes:
 
 
 def _values(field: _Field, content: bytes) -> bytes:
-    """The 8-bit numbers of a field: as they are, or as one or many integers."""
+    """Return the 8-bit numbers of a field, stored as bytes or as one or many integers."""
     if field.number == _RAW_DATA:
         return content
     numbers = _varints(content) if field.kind == _BYTES else [field.value]
@@ -77,7 +77,7 @@ def _values(field: _Field, content: bytes) -> bytes:
 
 
 def _fields(data: bytes) -> Iterator[_Field]:
-    """The fields of a protobuf message."""
+    """Yield the fields of a protobuf message."""
     position = 0
     while position < len(data):
         start = position
@@ -127,5 +127,5 @@ def _varint(value: int) -> bytes:
 
 
 def _encoded(number: int, content: bytes) -> bytes:
-    """A field of bytes."""
+    """Return a length-delimited field."""
     return _varint(number << 3 | _BYTES) + _varint(len(content)) + content

@@ -1,4 +1,4 @@
-"""One answered prompt: what was said, the words in force and their code."""
+"""One answered prompt: its descriptions, those in use, and their style code."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Request = str | PartDescriptions
 
 @dataclass(frozen=True)
 class Answer:
-    """An answered prompt: the expander's descriptions `said`, the current `words` (edited or kept), and their code."""
+    """An answered prompt: the expander's descriptions `said`, the `words` in use (edited or kept), and their code."""
 
     prompt: str  # "" when only the six fields were written
     said: PartDescriptions
@@ -30,7 +30,7 @@ class Answer:
     note: str = ""
     milliseconds: float = 0.0
     final: bool = True  # False: a better answer is on its way
-    question: int = 0  # number of the question that it answers, of whoever numbers them
+    question: int = 0  # number of the question that it answers, as its asker counts
 
     @staticmethod
     def of(
@@ -75,6 +75,6 @@ class Answer:
 
     @property
     def replayable(self) -> Words:
-        """The request that gives the same words again: the prompt if the library answered it, else the six descriptions."""
+        """The request that reproduces the words: the prompt if the library answered it, else the six descriptions."""
         by_prompt = self.prompt and self.source != "gpt" and not self.edited
         return self.prompt if by_prompt else self.words

@@ -1,4 +1,4 @@
-"""Two prompts mixed part by part: the words of a blend and the weights of its parts (`runtime.motion.style` mixes)."""
+"""Two prompts blended part by part: the words of a blend and the weights of its parts (`runtime.motion.style` mixes codes)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import parse_json
 from runtime.skeleton import PART_NAMES
 
-Words = str | PartDescriptions  # a prompt, or what the six parts do
+Words = str | PartDescriptions  # a prompt, or six part descriptions
 Weights = tuple[float, ...]  # one for each of PART_NAMES: 0 is prompt A, 1 is prompt B
 
 ALL_A: Weights = (0.0,) * len(PART_NAMES)

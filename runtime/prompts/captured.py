@@ -1,8 +1,8 @@
-"""What phrases mean by the captured clips whose captions use them: `assets/prompts/phrase_measures.json`.
+"""Phrase measurements from captured clips whose captions use the phrase: `assets/prompts/phrase_measures.json`.
 
-`python -m training.text.phrase_measures` writes the file: of every captured style and gait the range of each target
-(`runtime.edits.request`), of every phrase that captions use the range over the styles whose captions do, and what is
-usual in a gait. Captions are the descriptions of styles.json.
+The file, written by `python -m training.text.phrase_measures`, has the range of each target (`runtime.edits.request`) for
+every captured style and gait, for every caption phrase the range over the styles that use it, and the usual
+ranges of a gait. Captions are the descriptions of styles.json.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from runtime.prompts.library_data import LibraryStyle, load_styles
 from runtime.prompts.parts import PartDescriptions
 
 PHRASE_MEASURES = "prompts/phrase_measures.json"
-# what a caption asks for in other gaits than its walk: what the network adds to a style's walk to jog it
+# what a caption requests in gaits other than walk: what the network adds when it jogs a style's walk
 OF_CAPTIONS = ("lean", "bounce", "elbow", "elbow_out")
-OWN_CLAUSE_WORDS = 4  # shorter ones are said of anybody
-MOVING_HAND_M = 0.12  # from end to end: a captured hand that moves further has no place
+OWN_CLAUSE_WORDS = 4  # shorter clauses are common to many styles
+MOVING_HAND_M = 0.12  # peak to peak: a captured hand that moves farther has no fixed place
 Range = tuple[float, float]
 Ranges = tuple[Range | None, ...]  # by `GAITS`; None where nothing was captured
 Measured = Mapping[str, Range]  # by target
-Clause = tuple[str, str]  # a part and the words of a caption's clause, or of a whole one
+Clause = tuple[str, str]  # a part, and a caption or one of its clauses
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class CapturedPhrases:
     styles: Mapping[str, Mapping[str, Mapping[str, Measured]]] = field(default_factory=dict)
     # kind, target, phrase
     phrases: Mapping[str, Mapping[str, Mapping[str, Ranges]]] = field(default_factory=dict)
-    usual_of: Mapping[str, Measured] = field(default_factory=dict)  # by gait, of trunks
-    captions: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # styles by whole descriptions
-    clauses: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # and by their clauses
+    usual_of: Mapping[str, Measured] = field(default_factory=dict)  # of trunks, by gait
+    captions: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # styles by whole caption
+    clauses: Mapping[Clause, frozenset[str]] = field(default_factory=dict)  # and by clause
 
     def is_caption(self, part: str, sentence: str) -> bool:
         """Return whether a description is the caption of a captured style."""
@@ -54,7 +54,7 @@ class CapturedPhrases:
         )
 
     def caption(self, part: str, sentence: str, among: frozenset[str] = frozenset()) -> dict[str, Ranges]:
-        """Return, by target, the ranges captured in the styles that have this description as a caption, preferably those `among`."""
+        """Return, by target, the ranges captured in the styles with this description as caption, preferably those `among`."""
         styles = self.captions.get(_words(part, sentence), frozenset())
         styles = styles & among or styles
         return {name: self._over(styles, part, name) for name in self._names(styles, part)}
@@ -85,7 +85,7 @@ class CapturedPhrases:
         return [name for name in OF_CAPTIONS if any(name in row for row in rows)]
 
     def _over(self, styles: frozenset[str], part: str, target: str) -> Ranges:
-        """Return by gait the range from the lowest to the highest of several styles."""
+        """Return, by gait, the union of several styles' ranges."""
         found = []
         for gait in GAITS:
             rows = [self.styles.get(style, {}).get(gait, {}).get(part, {}).get(target) for style in styles]
@@ -121,7 +121,7 @@ def captured() -> CapturedPhrases:
 def _styles_by_words(
     styles: Mapping[str, LibraryStyle], walked: Container[str]
 ) -> tuple[dict[Clause, frozenset[str]], ...]:
-    """Return the styles that have each caption, and each clause; one that was captured standing says nothing of a walk."""
+    """Return the styles that have each caption, and each clause; a style captured standing is no evidence for walks."""
     captions: dict[Clause, set[str]] = {}
     clauses: dict[Clause, set[str]] = {}
     for name, part, sentence in captions_by_style(styles):
@@ -133,7 +133,7 @@ def _styles_by_words(
 
 
 def captions_by_style(styles: Mapping[str, LibraryStyle]) -> Iterator[tuple[str, str, str]]:
-    """Yield (style, part, lower-case description) of every caption, and of its mirror image for styles without a side."""
+    """Yield (style, part, lower-case description) of every caption, and of its mirror image for symmetric styles."""
     for name, style in styles.items():
         sided = any(side in name for side in ("left", "right"))
         for descriptions in style.descriptions:

@@ -1,6 +1,6 @@
 """Six descriptions to the content code Z^t: text embeddings through the body-part text network (Sec. III-C).
 
-Of a sentence the network reads its embedding, its direction words, and its side.
+For each sentence the network reads its embedding, its direction words, and its side.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class PromptEncoder:
     """Encodes six descriptions to Z^t: text encoder and body-part network.
 
     `onnx_path` is a network with input `embeddings` (N, 6, D) and output `z` (N, 6, 64), loaded at the first `encode`; D must be
-    that of `text_encoder`, with or without direction words and side. `phrasing` replaces sentences that the model reads badly.
+    that of `text_encoder`, with or without direction words and side. `phrasing` replaces sentences that the model shows badly.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class PromptEncoder:
         return session
 
 
-# One number each. A model knows these groups in this order: change them only together with the trained models.
+# One input each. Trained models depend on these groups and their order: change them only together with the models.
 GROUPS: tuple[tuple[str, frozenset[str]], ...] = tuple(
     (name, frozenset(words.split()))
     for name, words in (
@@ -104,7 +104,7 @@ GROUPS: tuple[tuple[str, frozenset[str]], ...] = tuple(
         ("foot", "foot feet toe toes heel heels ankle step steps stepping"),
     )
 )
-MIN_PRESENT_VALUE = 0.1  # twice the usual size of an embedding's components
+MIN_PRESENT_VALUE = 0.1  # about twice the size of an embedding's components
 
 
 def direction_words(texts: Sequence[str]) -> NDArray[np.float32]:

@@ -1,8 +1,8 @@
-"""What descriptions ask of a body in numbers (`runtime.edits.request`), by the phrases of assets/prompts/edits.toml.
+"""Descriptions to edit targets (`runtime.edits.request`), by the phrases of assets/prompts/edits.toml.
 
-What a phrase means was measured on the captured clips whose captions use it (`runtime.prompts.captured`); only what no
-capture shows is written by hand. A caption of a captured style asks a walk for its lean alone, which the network draws
-towards that of all styles; the rest it learnt from there.
+The meaning of a phrase was measured on the captured clips whose captions use it (`runtime.prompts.captured`); only uncaptured
+phrases are specified by hand. The caption of a captured style sets a target for a walk's lean only, because the network draws
+lean towards the mean of all styles; the rest it has learnt.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 HAND = "hand"
-ALONE, BESIDE = "alone", "beside"  # whole clauses of a kind that the edit shows alone, and beside others
-# of a captured range: there a lean forward is seen, a jog leans, and feet are over their line
+ALONE, BESIDE = "alone", "beside"  # whole clauses that only the edit shows, and that it shows beside others
+# position in a captured range at which a forward lean is visible, a jog leans, and feet are on their line
 WELL_WITHIN_FRACTION = 0.25
-# metres from its place within which a hand is left alone: the farthest of one that is held, and of one that the edit places
+# metres within which a hand counts as in place: tolerance for a held hand, and for one that the edit places
 MAX_NEAR_M, PLACED_NEAR_M = 0.1, 0.03
 PLAIN_ARM = "{side} arm hanging relaxed at the side, swinging naturally with the steps"
 PLAIN_TORSO = "torso upright and relaxed, shoulders level"
 PLAIN_LEG = "{side} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"
 TARGETS = {"leg": (*LEG, PACE), "torso": TRUNK, "arm": (*ARM, HAND)}  # by the last word of a part's name
-RELATIVE = "lean"  # a target that is written by hand against what is usual in a gait
-IN_EVERY_GAIT = ("lean", "bounce")  # what every trunk is asked for in jogs, whatever is said
-FOLD_DEGREES, MORE_FOLD_DEGREES = 20.0, 15.0  # that any trunk leans forward at most, and over what is said
-NEAR_M = 0.06  # within which a hand is at its place, where the file does not say it
+RELATIVE = "lean"  # a target whose hand-written values are relative to a gait's usual ones
+IN_EVERY_GAIT = ("lean", "bounce")  # targets of every trunk in jogs, whatever its description
+FOLD_DEGREES, MORE_FOLD_DEGREES = 20.0, 15.0  # limit of a trunk's forward lean, and beyond the described one
+NEAR_M = 0.06  # default tolerance of a hand's place
 _PLACE_KEYS = {"frame", "point", "pole", "near"}
-Values = tuple[Any, ...]  # a range, or the seven numbers of a place; () for what asks for nothing
-# the first column that each phrase fills in a part's row, and with what
+Values = tuple[Any, ...]  # a range, or the seven numbers of a place; () requests nothing
+# for each phrase, the first column it fills in a part's row, and its values
 Phrases = dict[str, tuple[int, Values]]
 
 
@@ -131,7 +131,7 @@ def targets_of(part: str, sentence: str) -> dict[str, Values]:
 
 @lru_cache(512)
 def spoken(part: str, sentence: str) -> dict[str, tuple[str, str, tuple[int, Values]]]:
-    """Return, by target, the first clause that mentions it, its longest phrase, and the hand-written values of that phrase."""
+    """Return, by target, the first clause that mentions it, its longest phrase, and that phrase's hand-written values."""
     clauses, found = sentence.lower().split(","), {}
     for name, table in phrases()[kind_of(part)].items():
         for clause in clauses:
@@ -145,7 +145,7 @@ def spoken(part: str, sentence: str) -> dict[str, tuple[str, str, tuple[int, Val
 
 @lru_cache(512)
 def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int, Ranges], ...]:
-    """Return columns of a part's row, each with its range in every gait; `styles` are those that all parts have a caption of."""
+    """Return columns of a part's row with their ranges in every gait; `styles` have all six descriptions as captions."""
     measured, kind = captured(), kind_of(part)
     if measured.is_caption(part, sentence):
         own = measured.caption(part, sentence, styles)
@@ -165,14 +165,14 @@ def _asked(part: str, sentence: str, styles: frozenset[str]) -> tuple[tuple[int,
 
 
 def _ranges(name: str, values: Values, shown: Ranges | None) -> Ranges:
-    """Return what a phrase asks for in every gait: as captures show it, or else as written by hand."""
+    """Return a phrase's range in every gait: as captured, or else as written by hand."""
     by_hand = [_by_hand(name, values, captured().usual(gait)) for gait in GAITS]
     own = [ends and _well_within(name, ends) for ends in shown or (None,) * len(GAITS)]
     return tuple(measured or other for measured, other in zip(own, by_hand, strict=True))
 
 
 def _well_within(name: str, ends: Range) -> Range:
-    """Return the part of a captured range that a phrase asks for: where a lean is seen, and feet are over their line."""
+    """Return the part of a captured range used as target: where a lean is visible, and feet are on their line."""
     low, high = ends
     within = low + WELL_WITHIN_FRACTION * (high - low)
     if name == RELATIVE and low > 0.0:
@@ -181,12 +181,12 @@ def _well_within(name: str, ends: Range) -> Range:
 
 
 def _of_caption(name: str, ranges: Ranges, of_one_style: bool) -> Ranges:
-    """Return what a caption asks for: to lean as captured, one style as it does on the whole; of a walk nothing else."""
+    """Return a caption's target ranges: the captured lean, for one style its typical value; in a walk nothing else."""
     if name != "lean":
         return (None, *ranges[1:])
     if not of_one_style:
         return ranges
-    low_in_range = (0.5, WELL_WITHIN_FRACTION, 0.5)  # a jog's takes are not always at their full speed
+    low_in_range = (0.5, WELL_WITHIN_FRACTION, 0.5)  # takes of a jog are not always at full speed
     leans = (e and e[0] + f * (e[1] - e[0]) for e, f in zip(ranges, low_in_range, strict=True))
     return tuple(None if lean is None else (lean, lean) for lean in leans)
 
@@ -210,7 +210,7 @@ def edit_targets(descriptions: PartDescriptions) -> Array:
 
 
 def _ask_of_every_trunk(result: Array) -> None:
-    """Write the bound of a fold; and of jogs what captured runs do, where words say nothing else."""
+    """Write the fold limit of every trunk; in jogs also the captured usual ranges, unless the description says otherwise."""
     jog = GAITS.index("jog")
     for name in IN_EVERY_GAIT:
         low, high = captured().usual("jog").get(name, (-inf, inf))
@@ -224,16 +224,16 @@ def _ask_of_every_trunk(result: Array) -> None:
 
 
 def blended_targets(a: PartDescriptions, b: PartDescriptions, weights: Sequence[float]) -> Array:
-    """Return the edit targets of prompts A and B mixed, with the weight of B in each part."""
+    """Return the edit targets of prompts A and B blended, with the weight of B in each part."""
     of_b = np.array([weights[PART_NAMES.index(part)] for part in PARTS])[:, None, None]
     return np.asarray((1.0 - of_b) * edit_targets(a) + of_b * edit_targets(b))
 
 
 def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
-    """Return the descriptions for the network, without the clauses that the edits show alone.
+    """Return the descriptions for the network, without the clauses that only edits show.
 
-    If the network shows crossing legs as well, it falls out of step with most other words; hips that it sways as well go
-    twice as far as in any capture; arms that it holds at a place take the whole body out of balance.
+    If the network shows crossing legs as well, it conflicts with most other words; swaying hips then go twice
+    as far as in any capture; arms held at a place unbalance the whole body.
     """
     unedited = {"leg": _unedited_leg, "torso": _unedited_torso, "arm": _unedited_arm}
     for part in PARTS:
@@ -244,25 +244,25 @@ def left_to_network(descriptions: PartDescriptions) -> PartDescriptions:
 
 
 def is_placed(part: str, clause: str, place: Values) -> bool:
-    """Return whether a clause has a hand at a place and held there, so that the edit alone shows it: not one that waves."""
+    """Return whether a clause holds a hand at a fixed place, so that only the edit shows it; a waving hand is not held."""
     return bool(place) and place[-1] <= MAX_NEAR_M and not captured().moves(part, clause)
 
 
 def _unedited_arm(part: str, said: str) -> str:
-    """Return the description of an arm, or that of a plain walk where its hand is at a place."""
+    """Return the description of an arm, or a plain walk's description if its hand is placed."""
     clause, _, (_, place) = spoken(part, said).get(HAND, ("", "", (0, ())))
     return PLAIN_ARM.format(side=part.split("_")[0]) if is_placed(part, clause, place) else said
 
 
 def _unedited_torso(_part: str, said: str) -> str:
-    """Return the description of the trunk without the clauses that edits show alone."""
+    """Return the description of the trunk without the clauses that only edits show."""
     _, alone, _ = _read()
     kept = [c.strip() for c in said.split(",") if c.strip().lower().removeprefix("torso ") not in alone]
     return ", ".join(kept) or PLAIN_TORSO
 
 
 def _unedited_leg(part: str, said: str) -> str:
-    """Return the description of a leg without the clauses that edits show alone; as it is where the rest does not name it."""
+    """Return the description of a leg without the clauses that only edits show; unchanged if the rest does not name the leg."""
     _, alone, beside = _read()
     side = part.split("_")[0]
     clauses = said.split(", ")
@@ -280,8 +280,8 @@ def edited_parts(descriptions: PartDescriptions | None) -> frozenset[str]:
     if descriptions is None:
         return frozenset()
     asked = edit_targets(descriptions)[GAITS.index("walk"), ..., 0]
-    asked[FOLD] = 0.0  # of every trunk, whatever is said
-    # of the stick, not of the pose: how a leg steps is the network's
+    asked[FOLD] = 0.0  # every trunk has it, whatever its description
+    # set by the stick, not by a pose: how a leg steps is the network's
     asked[:ROW_TRUNK, PACED] = 0.0
     edited = [part for part, weights in zip(PARTS, asked, strict=True) if weights.any()]
     return frozenset(p for p in edited if not captured().is_caption(p, getattr(descriptions, p)))

@@ -1,6 +1,6 @@
-"""The step from a free prompt to six descriptions, behind one interface.
+"""Interface of prompt expanders: from a free prompt to six descriptions.
 
-`library.LibraryExpander` needs no key and no network. An expander that asks a language model implements the same
+`library.LibraryExpander` needs no key and no network. An expander based on a language model implements the same
 `Expander` protocol and answers with source "gpt"; nothing else changes for its callers.
 """
 
@@ -13,14 +13,14 @@ from runtime.errors import PromptError
 from runtime.prompts.parts import PartDescriptions, check_text
 
 MAX_PROMPT_CHARACTERS = 1000
-DEFAULT_PROMPT = "walking in a relaxed, everyday way"  # what the character does until another prompt comes
+DEFAULT_PROMPT = "walking in a relaxed, everyday way"  # in use until the first prompt
 
 
 class PromptCancelledError(PromptError):
     """Raised if a request was cancelled before it was answered."""
 
     def __init__(self) -> None:
-        super().__init__("The prompt was withdrawn before the language model answered.")
+        super().__init__("The prompt was cancelled before the language model answered.")
 
 
 @dataclass(frozen=True)

@@ -32,12 +32,12 @@ QUANTISATION_STEPS = (
 )
 NEUTRAL_STYLE = "neutral"
 RIDGE_WEIGHT = 10.0
-EMBEDDED_NAMES = 20  # of an entry; its other names are only read word for word
+EMBEDDED_NAMES = 20  # per entry; its other names are only matched word for word
 
 
 @dataclass(frozen=True)
 class LibraryEntry:
-    """A library prompt, other ways to ask for it, and its six descriptions.
+    """A library prompt, its alternative names, and its six descriptions.
 
     `defines` are the characteristic parts, which the entry contributes when a prompt names several entries: torso and
     head of a mood, legs of a ground. `style` is the training style's key or "". `opposite` is the prompt of the entry
@@ -186,9 +186,9 @@ def _part_vectors(library: PromptLibrary, encoder: TextEncoderLike) -> NDArray[n
 
 
 def _bodily_score(prompts: NDArray[np.float32], nothing: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return ridge regression of +1 for `prompts` (P, D) and -1 for `nothing` (M, D), both sides of equal weight: (D + 1,)."""
+    """Return ridge regression weights `(D + 1,)` for +1 of `prompts` (P, D) and -1 of `nothing` (M, D), equally weighted."""
     if not len(nothing):
-        return np.eye(1, prompts.shape[1] + 1, prompts.shape[1], np.float32)[0]  # all is bodily
+        return np.eye(1, prompts.shape[1] + 1, prompts.shape[1], np.float32)[0]  # everything is about a body
     features = np.hstack([np.vstack([prompts, nothing]), np.ones((len(prompts) + len(nothing), 1))])
     wanted = np.repeat([1.0, -1.0], [len(prompts), len(nothing)])
     weights = len(features) / 2 / np.repeat([len(prompts), len(nothing)], [len(prompts), len(nothing)])

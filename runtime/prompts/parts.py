@@ -1,4 +1,4 @@
-"""Six body-part descriptions: what a prompt becomes before it is embedded (Sec. III-C)."""
+"""Six body-part descriptions, the form in which a prompt is embedded (Sec. III-C)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a model was measured to do with sentences: how much of one it shows, and the words that it follows.
+"""Measured adherence of a model to sentences, and better phrasings for those it shows badly.
 
-Tables are JSON files by model, then by group of a body part: torso, head, arm and leg, with limbs described as the left
-ones. Where a limb does other than that of the other side, `left_arm` and the like have their own.
+Tables are JSON files keyed by model, then by group of body part: torso, head, arm and leg, with limbs described as left
+ones. Where the two sides of a limb differ, they have groups of their own such as `left_arm`.
 `python -m training.export.words` writes `shares.json` and `wording.json` of `assets/prompts`.
 """
 
@@ -19,7 +19,7 @@ from runtime.errors import FileError
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.skeleton import PART_NAMES
 
-HARDLY_SHOWN_FRACTION = 0.3  # fraction under which a sentence is hardly shown
+HARDLY_SHOWN_FRACTION = 0.3  # under which a sentence counts as hardly shown
 ADHERENCE, PHRASINGS = "prompts/shares.json", "prompts/wording.json"
 Key = tuple[str, str]  # group, words
 Table = TypeVar("Table")
@@ -27,15 +27,15 @@ Table = TypeVar("Table")
 
 @dataclass(frozen=True)
 class PromptAdherence:
-    """How much of a sentence (0 to 1) a model shows in walks, for whole sentences and for single clauses."""
+    """How well (0 to 1) a model shows a sentence in walks, for whole sentences and for single clauses."""
 
     sentences: Mapping[Key, float] = field(default_factory=dict)
     clauses: Mapping[Key, float] = field(default_factory=dict)
 
     def of(self, sentence: str, part: str) -> float | None:
-        """Return which fraction of `sentence` a walk shows for `part`; None if it was not measured.
+        """Return the fraction of `sentence` that a walk shows for `part`; None if unknown.
 
-        For a sentence that is not in the table it is the mean of its measured clauses.
+        A sentence that is not in the table gets the mean of its measured clauses.
         """
         group, words = as_left_limb(sentence, part)
         whole = self.sentences.get((part, words), self.sentences.get((group, words)))
@@ -72,12 +72,12 @@ class PromptAdherence:
 
 @dataclass(frozen=True)
 class ModelPhrasing:
-    """Sentences that a model shows badly, each with a better one of the same meaning."""
+    """Sentences that a model shows badly, each with a better phrasing."""
 
     table: Mapping[Key, str] = field(default_factory=dict)
 
     def of(self, sentence: str, part: str) -> str:
-        """Return the sentence that the model reads for `part` instead of this one."""
+        """Return the sentence to give the model for `part` instead of this one."""
         group, words = as_left_limb(sentence, part)
         other = self.table.get((part, words), self.table.get((group, words)))
         if other is None:
@@ -85,7 +85,7 @@ class ModelPhrasing:
         return mirror_text(other) if part.startswith("right") else other
 
     def followed(self, descriptions: PartDescriptions) -> PartDescriptions:
-        """Return the six sentences that the model reads."""
+        """Return the six sentences to give the model."""
         return PartDescriptions(
             **{part: self.of(text, part) for part, text in descriptions.to_mapping().items()}
         )

@@ -1,4 +1,4 @@
-"""The way from a prompt to Z^t of one model: expander, text encoder and part network."""
+"""From a prompt to the Z^t of one model: expander, text encoder and part network."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Prompter:
         return self._read(words)[1]
 
     def style(self, words: Words | BlendedPrompt, exact_legs: bool = True) -> StyleMix:
-        """Return the style of words or a blend; `exact_legs` adds the edits of all parts, which show what the network does not."""
+        """Return the style of words or a blend; `exact_legs` adds the edits of all parts, for what the network does not show."""
         if isinstance(words, BlendedPrompt):
             (a, z_a), (b, z_b) = self._read(words.a, exact_legs), self._read(words.b, exact_legs)
             mix, edits = self._blend(z_a, z_b, words.weights), blended_targets(a, b, words.weights)
@@ -114,7 +114,7 @@ class Prompter:
         return self._adherence.note(descriptions, read, edited_parts(descriptions))
 
     def _blend(self, a: NDArray[np.float32], b: NDArray[np.float32], weights: Weights) -> StyleMix:
-        """Return the mix in which `weights` of the change are done; a pair is measured once."""
+        """Return the mix with these fractions of the visible change; a pair is measured once."""
         if mixes(weights):
             pair = a.tobytes(), b.tobytes()
             if pair not in self._weights_of_pairs:

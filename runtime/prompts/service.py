@@ -1,4 +1,4 @@
-"""A worker thread that turns prompts into Z^t, so that no frame ever waits for text."""
+"""A worker thread that turns prompts into Z^t, so that no frame waits for text."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class SteppedExpander(Expander, Protocol):
 
 @dataclass
 class _Work:
-    """The newest request, until its final answer is polled."""
+    """The latest request, until its final answer is polled."""
 
     request: Request
     stop: threading.Event = field(default_factory=threading.Event)
     begun: bool = False
-    answer: Answer | SportError | None = None  # the newest, not yet polled
+    answer: Answer | SportError | None = None  # the latest, not yet polled
 
     @property
     def done(self) -> bool:

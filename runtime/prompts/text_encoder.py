@@ -1,4 +1,4 @@
-"""Sentences to unit vectors: all-MiniLM-L6-v2 as int8 ONNX, or another network, such as CLIP's text tower, by its folder."""
+"""Text encoder: sentences to unit vectors, by all-MiniLM-L6-v2 as int8 ONNX or another network such as CLIP's text tower."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ MAX_TOKENIZER_BYTES = 64 * 1024 * 1024
 MAX_NAME = 200
 MAX_DIMENSIONS = 65_536
 MAX_TOKENS = 4096
-# what models that name no text encoder were trained with
+# the encoder of models that name none
 SHIPPED = {"name": "all-MiniLM-L6-v2", "dimensions": 384}
-STORED = "sentences.npz"  # in a text encoder's folder: vectors of sentences that need not be encoded
-OWN_FOLDER = "text_encoder"  # of a model folder: the text encoder that it was trained with
+STORED = "sentences.npz"  # precomputed vectors, in a text encoder's folder
+OWN_FOLDER = "text_encoder"  # in a model folder: the text encoder it was trained with
 _SHIPPED_GRAPH = "minilm_int8.onnx"
 _REMEDY = "Install the program again."
 
@@ -80,7 +80,7 @@ class TextEncoder:
         """Return unit vectors `(N, D)` of N texts, each truncated to `max_tokens` (128); ModelError if a file is damaged."""
         if not texts:
             return np.zeros((0, self.dimensions), np.float32)
-        # One text a run: the dynamic quantisation scales its activations over the whole batch, so in a batch a
+        # One text per run: dynamic quantisation scales activations over the whole batch, so in a batch a
         # text's vector would depend on its neighbours, and the same prompt would not give the same motion.
         with self._lock:
             rows, stored = self._stored
@@ -92,10 +92,10 @@ class TextEncoder:
         return vectors
 
     def _encode_new(self, texts: Sequence[str]) -> None:
-        """Run the network for texts that are not in the cache yet; all of them become the ones used last."""
+        """Run the network for texts that are not cached; marks all of them as most recently used."""
         new = [text for text in texts if text not in self._cache]
         if new:
-            _ = self._session, self._tokenizer  # read once
+            _ = self._session, self._tokenizer  # load them once
             with ThreadPoolExecutor(2, "text") as threads:
                 self._cache.update(zip(new, threads.map(self._run, new), strict=True))
         for text in texts:
@@ -139,9 +139,9 @@ class TextEncoder:
             )
             plain = found.graph == Path(found.graph).name and found.graph.isprintable()
             if not plain or not 1 <= len(found.graph) <= MAX_NAME:
-                raise ValueError("'graph' is no plain file name")
+                raise ValueError("'graph' is not a plain file name")
             if not is_text(found.name) or len(found.name) > MAX_NAME:
-                raise ValueError("'name' is no name")
+                raise ValueError("'name' is not a name")
             if not 1 <= found.dimensions <= MAX_DIMENSIONS or not 2 <= found.max_tokens <= MAX_TOKENS:
                 raise ValueError("'dimensions' or 'max_tokens' is out of range")
         except (FileError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
@@ -150,7 +150,7 @@ class TextEncoder:
 
     @cached_property
     def _stored(self) -> tuple[dict[str, int], NDArray[np.float32]]:
-        """Rows of sentences, and their vectors `(N, D)`; none where no file belongs to this network."""
+        """Return rows of sentences, and their vectors `(N, D)`; empty if no file belongs to this network."""
         path = self._path("text_encoder.json").with_name(STORED)
         if not self._use_stored or not path.is_file():
             return {}, np.zeros((0, self.dimensions), np.float32)
@@ -161,7 +161,7 @@ class TextEncoder:
                 raise ValueError("vectors of another network")
             vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
             if not np.isfinite(vectors).all():
-                raise ValueError("vectors that are no numbers")
+                raise ValueError("vectors that are not numbers")
         return {text: row for row, text in enumerate(texts)}, vectors
 
     @cached_property
@@ -215,7 +215,7 @@ def text_encoder_of(
     wanted = metadata.get("text_encoder", SHIPPED)
     if not (isinstance(wanted, dict) and wanted.keys() >= SHIPPED.keys()):
         raise ModelError(
-            f"{model_folder / 'metadata.json'}: field 'text_encoder' is no object with name and dimensions.",
+            f"{model_folder / 'metadata.json'}: field 'text_encoder' is not an object with name and dimensions.",
             "Export the model again.",
         )
     own = model_folder / OWN_FOLDER
@@ -247,7 +247,7 @@ def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
     try:
-        if not path.is_file():  # onnxruntime would wait for a pipe without a writer
+        if not path.is_file():  # onnxruntime would block on a pipe without a writer
             raise FileNotFoundError("no such file")
         session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         check_names(session)
@@ -257,7 +257,7 @@ def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
 
 
 def _tokens(tokenizer: Tokenizer, text: str, path: Path, remedy: str) -> list[int]:
-    """Return the numbers of a text's tokens, at least one; ModelError where a damaged tokenizer fails at it."""
+    """Return the token ids of a text, at least one; ModelError if a damaged tokenizer fails."""
     try:
         tokens = list(tokenizer.encode(text).ids)
     except BaseException as error:
@@ -268,7 +268,7 @@ def _tokens(tokenizer: Tokenizer, text: str, path: Path, remedy: str) -> list[in
 
 
 def _not_of_tokenizers(error: BaseException, path: Path, remedy: str) -> BaseException:
-    """Return the ModelError for what tokenizers raises, which is a bare Exception or a panic of Rust; others as they are."""
+    """Return a ModelError for the bare Exception or Rust panic that tokenizers raises; other errors unchanged."""
     if isinstance(error, Exception) or type(error).__name__ == "PanicException":
         return _damaged(path, "a tokenizer", error, remedy)
     return error

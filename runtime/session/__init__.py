@@ -1,1 +1,1 @@
-"""A session as a value: takes, ground, character and prompt; its history, and its one file."""
+"""A session as a value (takes, ground, character and prompt), its history, and its file."""

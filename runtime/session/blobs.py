@@ -1,6 +1,6 @@
-"""Arrays and bytes of a session's file, each content once, under its hash.
+"""Arrays and bytes of a session file, each content stored once, under its hash.
 
-A reference is text: kind, shape and hash. What is read is counted against the file's budget before it is made.
+A reference is text: kind, shape and hash. Reads are charged to the file's memory budget before they allocate.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class BlobReader:
     _made: dict[Any, Any] = field(default_factory=dict)
 
     def once(self, what: str, key: Any, make: Callable[[], Made]) -> Made:
-        """Return the result of `make` for a key, which is called only once per key."""
+        """Return the result of `make`, which is called only once per key."""
         if (what, key) not in self._made:
             self._made[what, key] = make()
         return self._made[what, key]

@@ -1,6 +1,6 @@
-"""A character's files as they are kept in a session: the glTF, and what it refers to in its own folder.
+"""A character's files as stored in a session: the glTF, and the files in its folder that it refers to.
 
-They get names that every system takes (`safe_name`); the glTF then refers to them by those.
+They are stored under names valid on every system (`safe_name`), to which the glTF's references are changed.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def read_character_files(path: Path) -> Files:
 
 
 def _local_uris(path: Path) -> list[str]:
-    """Return what a glTF file refers to in its own folder and is there: an image that is missing costs its texture only."""
+    """Return the existing files in a glTF's own folder that it refers to: a missing image costs its texture only."""
     gltf = open_gltf(path).gltf
     uris: list[Any] = [entry.uri for entry in (*(gltf.buffers or []), *(gltf.images or []))]
     local = dict.fromkeys(uri for uri in uris if isinstance(uri, str) and not uri.startswith("data:"))
@@ -59,7 +59,7 @@ def _local_uris(path: Path) -> list[str]:
 
 
 def _settings_name(name: str, path: Path, main: str) -> str:
-    """Return how a JSON file is kept that belongs to the glTF by its name; "" for another one."""
+    """Return the stored name of a JSON settings file named like the glTF; "" for any other file."""
     for begin, safe in ((path.name, main), (path.stem, Path(main).stem)):
         rest = name.removeprefix(begin)
         if rest != name and rest.startswith(".") and safe_name(safe + rest):
@@ -76,7 +76,7 @@ def _is_in_folder(path: Path, name: str) -> bool:
 
 
 def _kept_name(name: str, taken: set[str]) -> str:
-    """Return the name that a file is kept by: its own, or another where that is none or taken; it is taken then."""
+    """Return the name that a file is stored under: its own, or another if that is invalid or taken; adds it to `taken`."""
     kept = name
     if not safe_name(name) or _one_file(name) in taken:
         suffix = re.search(r"\.[a-zA-Z0-9]{1,8}$", name)
@@ -87,7 +87,7 @@ def _kept_name(name: str, taken: set[str]) -> str:
 
 
 def _one_file(name: str) -> str:
-    """Return one form of names that are one file on some system: they differ in case or in the form of Unicode."""
+    """Return a canonical form, equal for names that some system takes for one file: they differ in case or Unicode form."""
     return normalize("NFC", name).casefold()
 
 
@@ -129,7 +129,7 @@ def check_character_files(files: Files) -> None:
         raise FileError("its character: no glTF file.", REMEDY)
     for name in names:
         if not safe_name(name):
-            raise FileError(f"its character: {name[:60]!r} is no name of a file in its folder.", REMEDY)
+            raise FileError(f"its character: {name[:60]!r} is not the name of a file in its folder.", REMEDY)
 
 
 def safe_name(name: Any) -> bool:

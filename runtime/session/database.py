@@ -1,6 +1,6 @@
-"""A session on disk while it is worked on: each change is a transaction that one thread writes soon after.
+"""Storage of an open session: each change is a transaction, written soon after by a thread of its own.
 
-What is read is what is on disk: `Database.flush` first to read what was just submitted.
+Reads see only what is on disk: call `Database.flush` first to read what was just submitted.
 """
 
 from __future__ import annotations
@@ -44,42 +44,42 @@ from runtime.session.sqlite_file import (
 from runtime.session.stored_rows import StoredRows, Writer
 from runtime.session.tables import copy_rows
 
-GATHER_S = 0.05  # that works wait for others before they are written
-IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
-MAX_WAITING_WORKS = 20_000  # works that wait for a disk; of a recording an hour and more
+GATHER_S = 0.05  # waiting time to gather further works before writing
+IDLE_S = 1.0  # idle time until the log is merged into the file, and between two attempts to write
+MAX_WAITING_WORKS = 20_000  # limit of works waiting for the disk; an hour or more of a recording
 _LOG = logging.getLogger("sport.session")
-# for what the file does not take: that long also where the end is late
+# time for handing over unwritten changes: at least, also past the deadline; at most
 HAND_OVER_S, LONGEST_HAND_OVER_S = (0.8, 10.0)
 Work = Callable[[Writer], None]
 
 
 @dataclass
 class Database(StoredRows):
-    """A session's rows in a SQLite file, written by a thread of its own; made by `create`, `open` and `read`."""
+    """A session's rows in a SQLite file, written by a thread of its own; created by `create`, `open` and `read`."""
 
-    repaired: str = ""  # what was damaged when it was opened, in a user's words
-    _handle: int = -1  # of the lock; -1 for reading only
+    repaired: str = ""  # what was damaged when it was opened, for the user
+    _handle: int = -1  # file descriptor of the lock; -1 if read-only
     _writer: sqlite3.Connection | None = None
-    _files: list[tuple[int, ...]] = field(default_factory=list)  # which ones were opened
+    _files: list[tuple[int, ...]] = field(default_factory=list)  # identities of the opened files
     _queue: deque[Work] = field(default_factory=deque)
     _submitted: int = 0
     _written: int = 0
     _failures: int = 0
-    _trouble: str = ""  # that may end
-    _lost: str = ""  # what will never be on disk
-    _full: bool = False  # nothing is taken any more
+    _trouble: str = ""  # temporary problem
+    _lost: str = ""  # permanent problem
+    _full: bool = False  # no more work is accepted
     _urgent: bool = False
     _ending: bool = False
-    _stopping: bool = False  # the works under way
-    handed_over: Path | None = None  # what has the changes that the file has not taken
-    # those of an earlier run, as long as the session is in memory only
+    _stopping: bool = False  # ends the current work
+    handed_over: Path | None = None  # file with the changes that the session file has not taken
+    # changes of an earlier run, while the session is in memory only
     _unwritten: list[unwritten.Change] = field(default_factory=list)
-    # guards the queue and what counts it
+    # guards the queue and its counters
     _changed: threading.Condition = field(default_factory=threading.Condition)
-    _turn: threading.Lock = field(default_factory=threading.Lock)  # of who writes
+    _turn: threading.Lock = field(default_factory=threading.Lock)  # held by the thread that writes
     _working: threading.Lock = field(default_factory=threading.Lock)  # works run one at a time
     _thread: threading.Thread | None = None
-    _checker: threading.Thread | None = None  # looks through the file that was opened, until another one is
+    _checker: threading.Thread | None = None  # checks the opened file, until another one is opened
     _unchecked: threading.Event = field(default_factory=threading.Event)
 
     @staticmethod
@@ -153,11 +153,11 @@ class Database(StoredRows):
         if self._thread is None or self._ending:
             raise FileError(f"{self.path}: it is open for reading only.", "Save a copy of it.")
         with self._changed:
-            # what came later would build on what is missing
+            # later changes would depend on the missing one
             if self._full or len(self._queue) >= MAX_WAITING_WORKS:
                 self._full = True
                 slow = self._trouble or f"{self.path}: its disk is too slow."
-                self._lost = f"{slow} What is done from now on is in memory only."
+                self._lost = f"{slow} Further changes are in memory only."
                 return
             self._queue.append(work)
             self._submitted += 1
@@ -203,7 +203,7 @@ class Database(StoredRows):
             drop_lock(handle, path)
 
     def _copy(self, path: Path) -> tuple[int, int, list[Callable[[], None]]]:
-        """Make a file with all rows and what waits: its lock, how many works are in it, and what they want called."""
+        """Create a file with all rows and queued works: its lock, the number of works in it, and their callbacks."""
         if self._thread is not None:
             self._write()
         handle = take_lock(path)
@@ -250,7 +250,7 @@ class Database(StoredRows):
         return self._thread is not None and self._thread.is_alive()
 
     def _hand_over(self, seconds: float) -> None:
-        """Keep what waits elsewhere, for the next one that opens the file."""
+        """Store the queued changes elsewhere, for the next process that opens the file."""
         self._stopping, log, begun = True, unwritten.ChangeLog(), time.monotonic()
         if not self._working.acquire(timeout=max(seconds, 0.0)):
             return
@@ -268,10 +268,10 @@ class Database(StoredRows):
         self.handed_over = unwritten.keep(self.path, [*self._unwritten, *log.changes], left)
 
     def _let_go(self) -> None:
-        """Put the log into the file and close it."""
+        """Merge the log into the file and close it."""
         with self._turn:
             if self._writer is not None:
-                with contextlib.suppress(sqlite3.Error):  # what is committed is on disk, if in two files
+                with contextlib.suppress(sqlite3.Error):  # committed changes are on disk, if in two files
                     self._writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
             self._disconnect()
             if self._handle >= 0:
@@ -279,7 +279,7 @@ class Database(StoredRows):
                 self._handle = -1
 
     def _begin(self, checked: bool = False) -> Database:
-        """Begin to write; `checked`: look through the file that was just made, meanwhile."""
+        """Start the writing thread; `checked`: check the new file meanwhile."""
         if self._reader is None:
             self._connect()
             if checked:
@@ -298,7 +298,7 @@ class Database(StoredRows):
             self._files = self._present()
 
     def _check_integrity(self) -> None:
-        """Say it where the disk gives back other pages than were written."""
+        """Report a problem if the disk returns other pages than were written."""
         try:
             with contextlib.closing(connect(self.path, "ro")) as connection:
                 connection.set_progress_handler(self._unchecked.is_set, 20_000)
@@ -307,9 +307,7 @@ class Database(StoredRows):
             found = "ok" if self._unchecked.is_set() else said(error)
         if found != "ok":
             _LOG.error("integrity_check of %s: %s", self.path, found)
-            self._lost = (
-                f"{self.path}: its disk gives back other bytes than were written. Save a copy elsewhere."
-            )
+            self._lost = f"{self.path}: its disk returns other data than was written. Save a copy elsewhere."
 
     def _disconnect(self) -> None:
         """Close both connections at once: the last one removes the log, by its name."""
@@ -331,17 +329,17 @@ class Database(StoredRows):
         return self._writer
 
     def _present(self) -> list[tuple[int, ...]]:
-        """Return which files have our names now."""
+        """Return the identities of the files that have our names now."""
         return [_identity(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
 
     def _keep_there(self) -> None:
-        """Write the file again where another program has removed or replaced it or its folder: what is open can still be read."""
+        """Write the file again if another program has removed or replaced it or its folder: the open files can still be read."""
         connection = self._connection()
         with contextlib.suppress(FileNotFoundError):
             if self._present() == self._files:
                 return
 
-        def keep_other() -> None:  # that a program which synchronizes folders has put in the place of ours
+        def keep_other() -> None:  # a file that a synchronising program has put in the place of ours
             if self._files and self.path.exists() and _identity(self.path) != self._files[0]:
                 _LOG.warning(
                     "%s was replaced: the other one is %s", self.path, keep_aside(self.path, log=False)
@@ -359,18 +357,18 @@ class Database(StoredRows):
             self._connect()
 
     def _run(self) -> None:
-        """Write soon what waits, and put the log into the file when nothing comes."""
+        """Write queued works soon, and merge the log into the file when idle."""
         logged = False
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._queue or self._hurried, IDLE_S)
-                if self._queue:  # a disk that takes nothing is tried again after a while
+                if self._queue:  # a disk that refuses is tried again after a while
                     self._changed.wait_for(lambda: self._hurried, IDLE_S if self._trouble else GATHER_S)
                 ending, idle, self._urgent = self._ending, not self._queue, False
             with self._turn:
                 self._write()
                 if idle and logged and self._writer is not None:
-                    with contextlib.suppress(sqlite3.Error):  # it stays in the log
+                    with contextlib.suppress(sqlite3.Error):  # the data stays in the log
                         self._writer.execute("PRAGMA wal_checkpoint(PASSIVE)")
                 logged = not idle
             if ending:
@@ -382,7 +380,7 @@ class Database(StoredRows):
         return self._urgent or self._ending
 
     def _write(self) -> bool:
-        """Write all that waits as one transaction; False where it still waits. A work that is at fault is left out."""
+        """Write all queued works as one transaction; False if they remain queued. A faulty work is left out."""
         with self._changed:
             works = list(self._queue)
         work: Work | None = None
@@ -403,7 +401,7 @@ class Database(StoredRows):
                 committed = writer.committed
         except Exception as error:
             self._roll_back()
-            if work is not None and not is_of_the_disk(error):  # a defect must not hold up what others did
+            if work is not None and not is_of_the_disk(error):  # a defect must not block other works
                 self._defect(error)
                 with self._changed:
                     self._queue.remove(work)
@@ -427,11 +425,11 @@ class Database(StoredRows):
         self._lost = f"{self.path}: a change cannot be kept ({said(error)}). Please report this defect."
 
     def _settle(self, count: int, committed: Sequence[Callable[[], None]]) -> None:
-        """Forget the first `count` works, which are on disk."""
+        """Remove the first `count` works, which are on disk."""
         for done in committed:
             try:
                 done()
-            except Exception as error:  # the thread goes on
+            except Exception as error:  # the thread continues
                 self._defect(error)
         with self._changed:
             for _ in range(count):
@@ -442,9 +440,9 @@ class Database(StoredRows):
 
     def _roll_back(self) -> None:
         if self._writer is not None and self._writer.in_transaction:
-            with contextlib.suppress(sqlite3.Error):  # it did so by itself
+            with contextlib.suppress(sqlite3.Error):  # SQLite has rolled back by itself
                 self._writer.execute("ROLLBACK")
 
 
 def _identity(file: Path) -> tuple[int, ...]:
-    return tuple(os.stat(file)[1:3])  # of the file on its disk, and of the disk
+    return tuple(os.stat(file)[1:3])  # inode and device

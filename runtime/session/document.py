@@ -1,7 +1,7 @@
-"""A session as text: JSON that refers to contents by their hashes; `document_reader` reads it.
+"""A session as JSON text, which refers to contents by their hashes; `document_reader` reads it.
 
-Records are objects of their fields, whose annotations say how they are read: every name, kind and length is checked.
-Grounds, motions, styles and what made a take have forms of their own.
+Records are objects of their fields; annotations define how they are read, with every name, kind and length checked.
+Grounds, motions, styles and the input of takes have formats of their own.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from runtime.takes.metadata import PromptEvent
 from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.terrain.height_map import Terrain
 
-MAX_FRAMES = 2_000_000  # of a take: nine hours
+MAX_FRAMES = 2_000_000  # per take: nine hours
 MAX_TEXT_CHARACTERS = 4096  # characters of a name
 MAX_ITEMS = 400_000  # values of one text
 Json = Any
@@ -60,7 +60,7 @@ def unpack_sticks(content: bytes, count: int) -> NDArray[np.float64]:
         return np.zeros((0, COLUMNS))
     rows = unpacked_table(content, count, np.dtype("<f8"))
     if not are_asked(rows):
-        raise ValueError("a stick that no hand can push")
+        raise ValueError("invalid stick positions")
     return rows
 
 
@@ -74,7 +74,7 @@ class DocumentWriter:
     put: Callable[[str, bytes], None]
     _once: Once = field(default_factory=Once)
     blobs: BlobWriter = field(init=False)
-    _forms: list[tuple[type, Callable[[Any], Json]]] = field(init=False)  # of what is no record
+    _forms: list[tuple[type, Callable[[Any], Json]]] = field(init=False)  # for values other than records
 
     def __post_init__(self) -> None:
         self.blobs = BlobWriter(self.put)
@@ -153,7 +153,7 @@ class DocumentWriter:
 
 
 def _text(text: str) -> str:
-    """Return text as it can be read again."""
+    """Return text without characters that could not be read back."""
     return printable(text).replace("\0", "\ufffd")
 
 

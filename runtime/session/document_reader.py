@@ -1,4 +1,4 @@
-"""A session, a motion's header or its input from the text of `document`, of a file that is not trusted."""
+"""Reads a session, a motion's header or its input from the untrusted text that `document` writes."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ from runtime.terrain.mesh import MAX_SIDE
 MAX_TAKES = 10_000
 MAX_VARIANTS, MAX_NEAREST = 9, 20
 SOURCES = ("library", "gpt", "explicit")
-# in memory, about: of a take without its frames, of a state, and of a change of what made a take
+# approximate memory of a take without its frames, of a controller state, and of a change in a take's input
 TAKE_BYTES, STATE_BYTES, CHANGE_BYTES = 20_000, 65_536, 4096
-ITEM_BYTES = 100  # of a value of a text
+ITEM_BYTES = 100  # per value of a text
 CODE_SHAPE = (6, 64)
-# what JSON of another shape raises where it is unpacked
+# exceptions raised while unpacking JSON of another shape
 STRUCTURE_ERRORS = (
     KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError,
 )  # fmt: skip
@@ -83,13 +83,13 @@ class DocumentReader:
     blobs: BlobReader
     motion: Callable[[str], Motion]
     left_out: set[str] = field(default_factory=set)  # references of takes that cannot be read
-    _takes: dict[str, Take] = field(default_factory=dict)  # the others, by theirs
+    _takes: dict[str, Take] = field(default_factory=dict)  # the readable ones, by reference
 
     def session(self, text: str) -> Session:
         return self.checked(lambda: self._record(Session, self._parsed(text)))
 
     def _parsed(self, text: str) -> Json:
-        """Return the value of a text, whose making is counted before."""
+        """Parse a text, charging its memory to the budget first."""
         spend = self.blobs.budget.spend
         return parse_json(text, MAX_ITEMS, spend=lambda items: spend(ITEM_BYTES * items))
 
@@ -136,7 +136,7 @@ class DocumentReader:
         return not any(reference in text for reference in self.left_out)
 
     def _sound_takes(self, references: list[Json]) -> list[Take]:
-        """Return takes without those that cannot be read; each step names all of them again."""
+        """Return the takes that can be read; every step lists all takes again."""
         names = [str(reference) for reference in references]
         for name, reference in zip(names, references, strict=True):
             if name not in self._takes and name not in self.left_out:
@@ -165,7 +165,7 @@ class DocumentReader:
         heights = self.blobs.array(value["heights"], "<f4", (None, None))
         cell, path = read_number(value["cell_m"], 1000.0), self.blobs.path
         fits = min(heights.shape) >= 2 and max(heights.shape) <= MAX_SIDE and cell >= 1e-4
-        if not fits or not np.abs(heights).max() <= MAX_HEIGHT_M:  # nor with NaN
+        if not fits or not np.abs(heights).max() <= MAX_HEIGHT_M:  # also rejects NaN
             raise FileError(f"{path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY)
         origin = (read_number(value["x"], MAX_DISTANCE_M), read_number(value["z"], MAX_DISTANCE_M))
         unit = read_number(value["unit_m"], MAX_SIZE)
@@ -181,7 +181,7 @@ class DocumentReader:
             raise ValueError("parents")
 
         def made() -> OwnSkeleton:
-            self.blobs.budget.spend(10 * self.blobs.size(steps))  # whole numbers and places while it unfolds
+            self.blobs.budget.spend(10 * self.blobs.size(steps))  # integers and positions, unpacked
             points = self.blobs.array(middle, "<f4", (None, 3))
             return OwnSkeleton.unpacked(tuple(parents), points, self.blobs.data(steps))
 
@@ -213,7 +213,7 @@ class DocumentReader:
         codes = self._finite(self.blobs.array(number, "<f4", (len(parts), *CODE_SHAPE)))
         mixed = tuple(read_number(part, 1.0) for part in parts)
         if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
-            raise ValueError("fractions of styles that are no mix")
+            raise ValueError("invalid style weights")
         return StyleMix(mixed, tuple(codes), checked_targets(edits))
 
     def _code(self, value: Json) -> Any:
@@ -225,7 +225,7 @@ class DocumentReader:
         return values
 
 
-_FORMS: dict[Any, Form] = {  # of what is no record
+_FORMS: dict[Any, Form] = {  # of values that are not records
     Motion: lambda reader, value: reader.motion(read_text(value, MAX_TEXT_CHARACTERS)),
     Ground: lambda reader, value: reader._ground(value),
     OwnSkeleton: lambda reader, value: reader._own(value),
@@ -239,7 +239,7 @@ _FORMS: dict[Any, Form] = {  # of what is no record
 
 @cache
 def _forms(kind: Any) -> dict[str, Form]:
-    """Return how the fields of a kind of record are read; found once, as thousands of each are read."""
+    """Return how the fields of a record type are read; cached, as thousands of records are read."""
     longest = math.inf if kind in LONG_TEXTS else MAX_TEXT_CHARACTERS
     return {name: _form(hint, longest) for name, hint in record_fields(kind)}
 
@@ -312,39 +312,39 @@ def _on_a_foot(edit: FootplantEdit) -> bool:
 
 
 def _mended_session(session: Session) -> Session:
-    """Return the session with a counter of its last take at least, and a selection that is there."""
+    """Return the session with its counter at least that of its last take, and a valid selection."""
     numbers = _numbers(session)
     selected = session.selected if session.selected in numbers else LIVE
     return replace(session, counter=max(session.counter, *numbers, 0), selected=selected)
 
 
-_RULES: dict[Any, tuple[tuple[str, Callable[[Any], bool]], ...]] = {  # what is wrong where it does not hold
+_RULES: dict[Any, tuple[tuple[str, Callable[[Any], bool]], ...]] = {  # error messages and conditions
     Session: (
-        ("takes without numbers of their own", lambda s: len({LIVE, *_numbers(s)}) == len(s.takes) + 1),
-        ("variants without end", lambda s: len(s.variants) <= MAX_VARIANTS),
+        ("takes without unique numbers", lambda s: len({LIVE, *_numbers(s)}) == len(s.takes) + 1),
+        ("too many variants", lambda s: len(s.variants) <= MAX_VARIANTS),
     ),
     Take: (
         ("a take without a motion", lambda t: t.number == LIVE or t.motion is not None),
-        ("edits without end", _few_edits),
+        ("too many edits", _few_edits),
         ("a rating", lambda t: 0 <= t.rating <= MAX_RATING),
         ("a frame number", lambda t: 0 <= t.numbered_from <= MAX_FRAMES),
-        ("a trim that keeps nothing", lambda t: t.trim is None or t.trim[0] < t.trim[1]),
+        ("an empty trim", lambda t: t.trim is None or t.trim[0] < t.trim[1]),
     ),
-    FootplantEdit: (("a footplant of no foot or frames", _on_a_foot),),
+    FootplantEdit: (("an invalid footplant", _on_a_foot),),
     PromptBlend: (
-        ("weights of a blend that are none", lambda b: len(b.weights) == len(PART_NAMES) and all(0.0 <= w <= 1.0 for w in b.weights)),
+        ("invalid blend weights", lambda b: len(b.weights) == len(PART_NAMES) and all(0.0 <= w <= 1.0 for w in b.weights)),
     ),
-    Answer: (("an answer of no known source", lambda a: a.source in SOURCES),),
+    Answer: (("an answer of an unknown source", lambda a: a.source in SOURCES),),
     PromptEvent: (
-        ("words that are none", lambda e: not e.words or isinstance(parse_json(e.words), dict)),
+        ("invalid words", lambda e: not e.words or isinstance(parse_json(e.words), dict)),
         ("a transition that ends before it begins", lambda e: e.transition_seconds >= 0.0),
     ),
     MotionHeader: (
-        ("a motion that no clip is", lambda h: 0.0 < h.fps <= MAX_FPS and h.frames <= MAX_FRAMES and MIN_SIZE <= h.size <= MAX_SIZE),
-        ("a place of other numbers", lambda h: h.placed is None or len(h.placed) == 4),
+        ("an invalid motion", lambda h: 0.0 < h.fps <= MAX_FPS and h.frames <= MAX_FRAMES and MIN_SIZE <= h.size <= MAX_SIZE),
+        ("an invalid placement", lambda h: h.placed is None or len(h.placed) == 4),
     ),
     CharacterChoice: (
-        ("a shape of no body", lambda c: c.shape.check() is None),
+        ("an invalid body shape", lambda c: c.shape.check() is None),
         ("files of a character outside their folder", lambda c: not c.key or safe_name(c.key)),
         ("a character of an unknown unit", lambda c: c.unit in ("", *NAMED_UNITS)),
     ),

@@ -1,4 +1,4 @@
-"""What a user can do and take back, as functions from a session to the next one."""
+"""All undoable edits, as functions from a session to the next one."""
 
 from __future__ import annotations
 

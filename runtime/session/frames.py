@@ -1,7 +1,7 @@
-"""The frames of a take as they are kept in a project: quantised, and as differences that compress to a fifth.
+"""The stored form of a take's frames: quantised, and differenced in time, which compresses to a fifth.
 
-Hips are kept to `HIPS_STEP_M` / 2 = 0.031 mm, local rotations to 0.005 degrees, contacts to 1 / 256; gaits are exact. Frames are
-kept in pieces of `PIECE_FRAMES` frames, so that versions of a take have in common what an edit left as it was.
+Precision is `HIPS_STEP_M` / 2 = 0.031 mm for hips, 0.005 degrees for local rotations, 1 / 256 for contacts; gaits are exact.
+Frames are stored in pieces of `PIECE_FRAMES`, so that versions of a take share the pieces that an edit did not change.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ROTATION_COMPONENT_STEP = 1.0 / (32767.0 * 2.0**0.5)
 CONTACT_STEP = 1.0 / 128.0
 MIN_CONTACT_PROBABILITY = -0.5
 PACKED_FRAME_BYTES = 3 * 4 + J * (1 + 3 * 2) + 4 + 1  # of a packed frame: hips, rotations, contacts, gait
-_PLACES = (np.arange(4) - np.arange(4)[:, None]) % 4  # of components stored from the largest on, by its index
+_PLACES = (np.arange(4) - np.arange(4)[:, None]) % 4  # component order by the largest one's index
 CLIP_FRAME_BYTES = 4 * (3 + 4 * J + 4) + 1  # of a frame in memory
 
 
@@ -61,7 +61,7 @@ def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArr
     small = _sums(unpacked_table(parts[1], count, np.int16)).reshape(count, J, 3)
     places = _sums(unpacked_table(parts[2], count, np.int32))
     if (signs > 7).any() or (small == -32768).any():
-        raise ValueError("rotations that are none")
+        raise ValueError("invalid rotations")
     a, b, c = np.moveaxis(small * ROTATION_COMPONENT_STEP, -1, 0)
     main = np.sqrt(np.maximum(1.0 - (a * a + b * b + c * c), 0.0))
     ordered = np.stack([main, a, b, c], axis=-1).astype(np.float32)
@@ -80,14 +80,14 @@ def packed_gaits(data: bytes, count: int) -> AnyArray:
 
 
 def _differences(values: AnyArray) -> AnyArray:
-    """Return second differences along time, small numbers of either sign first; whole numbers that overflow come back again."""
+    """Return second differences along time, small magnitudes first; integer overflow is reversible."""
     for _ in range(2):
         values = np.diff(values, axis=0, prepend=np.zeros_like(values[:1]))
     return (values << 1) ^ (values >> (8 * values.itemsize - 1))
 
 
 def _sums(values: AnyArray) -> AnyArray:
-    """Return the values that `_differences` was called with."""
+    """Return the values from their `_differences`."""
     unsigned = values.view(f"u{values.itemsize}")
     values = (unsigned >> 1).view(values.dtype) ^ -(values & 1)
     for _ in range(2):

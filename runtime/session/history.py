@@ -1,4 +1,4 @@
-"""The history of a session: a list of sessions with what led to each. Undo and redo walk it; nothing is lost on the way."""
+"""The undo history of a session: a list of sessions, each with the edit that led to it."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class History:
         del self.steps[self.at + 1 :]
         self.steps.append(Step(self.present.number + 1, label, session, awaited))
         excess = len(self.steps) - MAX_STEPS - 1
-        if excess > 0:  # the oldest one that is kept is none that is awaited
+        if excess > 0:  # the oldest step kept must not be an awaited one
             kept = [i for i, step in enumerate(self.steps) if not step.awaited]
             del self.steps[: next((i for i in kept if i >= excess), kept[-1])]
         self.at, self.moves = len(self.steps) - 1, self.moves + 1

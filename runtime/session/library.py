@@ -1,6 +1,6 @@
-"""Untitled sessions in the data folder: each that holds work is found by the next start; only what was found before is removed.
+"""Untitled sessions in the data folder: the next start offers those with work; only what was offered before is removed.
 
-Those with takes or recordings are the last to go, then those with a path, poses or camera keys.
+Sessions with takes or recordings are removed last, and before them those with a path, poses or camera keys.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from runtime.session.sqlite_file import (
     unwritten_files,
 )
 
-SUMMARY_BYTES = 8 << 20  # that a summary may cost
-OFFERED = "offered.json"  # names of the sessions that were found the last time
+SUMMARY_BYTES = 8 << 20  # memory budget of a summary
+OFFERED = "offered.json"  # names of the sessions that were offered last time
 _NAME = re.compile(r"(\d{8}-\d{6})-(\d{4})-")
 
 
 @dataclass(frozen=True)
 class SessionSummary:
-    """What is shown of a session before it is opened."""
+    """Description of a session in the list, before it is opened."""
 
     path: Path
     name: str  # of the project, or "Untitled"
-    ended: bool  # closed as planned; else it was cut off
+    ended: bool  # closed normally; else the program was killed
     saved_s: float  # seconds since 1970
-    takes: int  # in its list
+    takes: int  # in its list of takes
     seconds: float  # of all takes
     picture: bytes  # PNG; b"" for none
-    recordings: int = 0  # motions of the file, in the list or not: undone, removed or cut off
-    damaged: bool = False  # nothing can be said of it before it is opened
+    recordings: int = 0  # all motions of the file, whether in the list, undone, removed or incomplete
+    damaged: bool = False  # cannot be described before it is opened
 
     @property
     def has_motions(self) -> bool:
@@ -116,13 +116,13 @@ def keep_newest(folder: Path, count: int = 10) -> list[SessionSummary]:
             found.remove(old)
     names = [summary.path.name for summary in found]
     if set(names) != known:
-        with contextlib.suppress(SportError):  # then none of these is removed the next time
+        with contextlib.suppress(SportError):  # then none of these is removed next time
             write_atomic(folder / OFFERED, json.dumps(names))
     return found
 
 
 def _offered(folder: Path) -> set[str]:
-    """Return names of the sessions that an earlier call of `keep_newest` has found."""
+    """Return names of the sessions that an earlier call of `keep_newest` has listed."""
     try:
         names = parse_json(read_bounded(folder / OFFERED, SUMMARY_BYTES))
     except (SportError, ValueError):
@@ -149,7 +149,7 @@ def _sessions(folder: Path) -> list[Path]:
 
 
 def _summary(path: Path) -> SessionSummary | None:
-    """Return what a session holds; None where that is nothing. FileError or OSError for no session, or a later one."""
+    """Return the summary of a session, None if it is empty. FileError or OSError if it is invalid or of a later version."""
     log = side_files(path)[0]
     saved_s = max(os.stat(file).st_mtime for file in ((path, log) if log.exists() else (path,)))
     damaged = SessionSummary(path, "Untitled", False, saved_s, 0, 0.0, b"", damaged=True)
@@ -165,7 +165,7 @@ def _summary(path: Path) -> SessionSummary | None:
         recordings = len(database.frame_counts())
         if not (takes + recordings or (edits and database.steps())):
             return None
-        seconds = max(0.0, min(float(database.meta("seconds", "0")), 1e9))  # a number also where it says none
+        seconds = max(0.0, min(float(database.meta("seconds", "0")), 1e9))  # 0 if it is not a number
         name, ended = database.meta("name") or "Untitled", database.meta("ended") == "1"
         picture = database.meta_bytes("picture")
         return SessionSummary(path, name, ended, saved_s, takes, seconds, picture, recordings)

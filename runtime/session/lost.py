@@ -1,4 +1,4 @@
-"""What no step of a session names: it stays in the file for `LOST_DAYS`, and can be had back until then."""
+"""Lost items, which no step of a session refers to: the file keeps them for `LOST_DAYS`, and they can be restored until then."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from runtime.session.stored_rows import Writer
 from runtime.session.tables import INPUT, TAIL
 
 LOST_DAYS = 30
-MAX_RECOVERED_TAKES = 2000  # at once; the next time further ones
-MAX_STORED_BYTES = MAX_FILE_BYTES // 2  # of a file before the oldest lost things go earlier
+MAX_RECOVERED_TAKES = 2000  # at once; further ones follow next time
+MAX_STORED_BYTES = MAX_FILE_BYTES // 2  # file size above which the oldest lost items are removed early
 _REFERENCE = re.compile(r"(<f[48]|\|[iu]1) [0-9x]* ([0-9a-f]{32})")
 _LOG = logging.getLogger("sport.session")
 
@@ -39,7 +39,7 @@ def settle(writer: Writer, held: Iterable[str], now_s: int) -> set[str]:
     noted = {key: since_s for key, since_s, _ in writer.lost()}
     writer.find(named & noted.keys())
     unused = [key for key in dict.fromkeys((*noted, *motions, *blobs)) if key not in used]
-    writer.lose(unused, now_s)  # those that are noted keep their time
+    writer.lose(unused, now_s)  # items already recorded keep their time
     due = [key for key in unused if noted.get(key, now_s) < now_s - 86400 * LOST_DAYS]
     _remove(writer, due)
     rest = [key for key in unused if key not in due]
@@ -51,7 +51,7 @@ def settle(writer: Writer, held: Iterable[str], now_s: int) -> set[str]:
 
 
 def _remove(writer: Writer, keys: list[str]) -> None:
-    """Remove what is lost, with a copy of its texts in the log."""
+    """Remove lost items, keeping their texts in the log."""
     texts = {key: text for key, _, text in writer.lost()}
     for key in keys:
         text = texts.get(key) or writer.motion(key)
@@ -71,7 +71,7 @@ def _named(writer: Writer) -> set[str]:
 
 
 def _inputs(writer: Writer, motions: set[str]) -> set[str]:
-    """Return keys of motions with all that is kept of each, and of the blobs that their inputs refer to."""
+    """Return keys of motions including their parts, and of the blobs that their inputs refer to."""
     names = _Names()
     for key in motions:
         names.add(writer.motion(key + INPUT))
@@ -79,10 +79,10 @@ def _inputs(writer: Writer, motions: set[str]) -> set[str]:
 
 
 class _Names:
-    """What texts of a session refer to."""
+    """The references in a session's texts."""
 
     def __init__(self) -> None:
-        self.blobs, self.texts = set[str](), set[str]()  # all contents, and those that can be texts
+        self.blobs, self.texts = set[str](), set[str]()  # all contents, and those that may be texts
         self.characters, self.motions = set[str](), set[str]()
 
     def add(self, text: str) -> None:

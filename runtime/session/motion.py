@@ -1,7 +1,7 @@
 """The frames of a take as they were recorded, resimulated or read, with the input that made them.
 
-A motion never changes. It is loaded from its session's file when it is looked at, so that a long list of takes holds
-little memory. Clips that stay in memory when nothing shows them are those used last.
+A motion is immutable. It is loaded from its session's file when needed, so that a long list of takes uses little
+memory. Of the clips that are not in use, the most recently used stay in memory.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a character moves by, as plain data: an answered prompt or a blend of two."""
+"""The style of a character as plain data: an answered prompt or a blend of two."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class PromptBlend:
     answers: tuple[Answer | None, Answer | None] = (None, None)
     weights: Weights = ALL_A
     locked: frozenset[str] = frozenset()
-    # of B at which even parts of the change from A are done, once they are measured
+    # weights of B at even fractions of the visible change from A, once measured
     shares: Shares = field(default=LINEAR, compare=False)
 
     @property

@@ -1,4 +1,4 @@
-"""A motion while it is recorded: its frames go to the session's file six times a second."""
+"""A motion being recorded: its frames are written to the session's file six times a second."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
 from runtime.takes.metadata import PromptEvent
 
-PIECE_FRAMES = 300  # that are packed as one while a recording runs
+PIECE_FRAMES = 300  # packed as one piece while recording
 FRAME_NUMBERS = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
 
 
@@ -48,7 +48,7 @@ class Recording:
     file: RecordingFile
     header: MotionHeader
     key: str = field(default_factory=lambda: uuid.uuid4().hex)
-    _rows: list[Float32Array] = field(default_factory=list)  # of frames that are not packed as one piece yet
+    _rows: list[Float32Array] = field(default_factory=list)  # frames not yet packed as one piece
     _sticks: list[NDArray[np.float64]] = field(default_factory=list)
     _packed: int = 0  # frames
 

@@ -1,4 +1,4 @@
-"""What is made of a session of which something is missing: motions whose pieces are not all there, takes that no step names."""
+"""Repairs of an incomplete session: motions with missing pieces, and takes that no step refers to."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from runtime.session.motion import MotionHeader
 from runtime.session.stored_rows import Writer
 from runtime.session.tables import TAIL
 
-MAX_HELD_FRAMES = 100_000  # of a session that hold the pose before them: half an hour
-MAX_MENDED_MOTIONS = 10_000  # at one opening: as many as a list of takes may hold; the next one goes on
+MAX_HELD_FRAMES = 100_000  # limit per session of missing frames that are filled: half an hour
+MAX_MENDED_MOTIONS = 10_000  # per opening, as many as a list of takes may hold; the next opening continues
 UNKNOWN_NAME, UNKNOWN_FPS = "Recovered take", 60.0  # of a motion whose header is lost
 Piece = tuple[str, int, int]  # key of the motion, number of the first frame, count
 
@@ -28,7 +28,7 @@ def fill_gaps(connection: sqlite3.Connection) -> tuple[int, int]:
     Returns how many motions were changed, and how many frames were filled.
     """
     writer = Writer(connection, set())
-    there, whole = Counter[str](), set[str]()  # frames of each motion, and motions of one piece
+    there, whole = Counter[str](), set[str]()  # frames of each motion, and motions of a single piece
     totals = "SELECT motion, sum(count), count(*) = 1 AND min(number) = 0 FROM frames GROUP BY motion"
     for key, count, one in connection.execute(totals):
         there[key.removesuffix(TAIL)] += count
@@ -69,7 +69,7 @@ def _gaps(pieces: list[Piece]) -> tuple[list[tuple[int, int, Piece]], bool]:
 def _hold(
     connection: sqlite3.Connection, writer: Writer, key: str, first: int, count: int, near: Piece
 ) -> int:
-    """Add a piece of frames that hold one pose; how many there are."""
+    """Add a piece of frames that repeat one pose; return how many there are."""
     where = "SELECT content FROM frames WHERE motion = ? AND number = ?"
     (content,) = connection.execute(where, near[:2]).fetchone()
     try:
@@ -84,9 +84,9 @@ def _hold(
 
 
 def _set_header(writer: Writer, key: str, frames: int, gaps: bool) -> bool:
-    """Have the header of a motion say how many frames it has, and that it cannot be resimulated where some are missing.
+    """Correct the frame count in the header of a motion, and mark it as not resimulable if frames are missing.
 
-    Returns whether it said something else.
+    Returns whether the header has changed.
     """
     try:
         value = parse_json(writer.motion(key))

@@ -1,4 +1,4 @@
-"""A session's file as it is opened: its rows go into a new file that takes its place, of a damaged one all that are sound."""
+"""Renews a session's file when it is opened: all its rows, or the intact rows of a damaged file, go into a new file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from runtime.session.tables import (
     version_of,
 )
 
-MAX_SALVAGED_ROWS = 2 * MAX_ROWS  # of a damaged file
+MAX_SALVAGED_ROWS = 2 * MAX_ROWS  # from a damaged file
 
 
 @dataclass
@@ -32,9 +32,9 @@ class Renewal:
     """Result of renewing a session file: what was damaged, and its rows in memory if the disk is full."""
 
     path: Path
-    repaired: str = ""  # what was damaged, in a user's words
+    repaired: str = ""  # what was damaged, for the user
     memory: sqlite3.Connection | None = None
-    # of an earlier run, as long as the session is in memory only
+    # changes of an earlier run, while the session is in memory only
     waiting: list[unwritten.Change] = field(default_factory=list)
 
     def put(self) -> None:
@@ -62,7 +62,7 @@ class Renewal:
                 raise
 
     def _salvage(self, damage: FileError) -> None:
-        """Put a new file with the sound rows of a damaged one in its place, which is kept aside; `damage` where it has none."""
+        """Replace a damaged file by a new one with its intact rows, keeping the old one aside; raises `damage` if none are intact."""
         with new_file(self.path, self._keep_aside) as target:
             rows = islice(salvaged(self.path), MAX_SALVAGED_ROWS)
             for table, found in groupby(rows, lambda pair: pair[0]):
@@ -70,16 +70,16 @@ class Renewal:
             if not target.execute("SELECT 1 FROM meta UNION SELECT 1 FROM frames LIMIT 1").fetchone():
                 raise damage
             unwritten.make(unwritten.read(self.path), target)
-            self.repaired = "It was damaged: what is sound is here."
+            self.repaired = "It was damaged; what was intact is here."
             self._mend(target)
 
     def _mend(self, target: sqlite3.Connection) -> None:
-        """Make motions whole of which pieces are missing."""
+        """Complete motions with missing pieces."""
         changed, held = fill_gaps(target)
         if changed:
-            gaps = f": {held} frames hold the pose before them" if held else ""
+            gaps = f": {held} missing frames repeat the pose before them" if held else ""
             damaged = self.repaired or "It was damaged."
-            self.repaired = f"{damaged} {changed} of its motions are not as they were{gaps}."
+            self.repaired = f"{damaged} {changed} of its motions have changed{gaps}."
 
     def _keep_aside(self) -> None:
         """Keep a damaged file before it is replaced."""
@@ -91,7 +91,7 @@ def is_damage(error: FileError) -> bool:
     """Return whether an error comes from damaged content of what may be a session file."""
     cause = error.__cause__
     wrong = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_ERROR)
-    plain = sqlite3.SQLITE_ERROR if isinstance(cause, sqlite3.Error) else -1  # text that is none
+    plain = sqlite3.SQLITE_ERROR if isinstance(cause, sqlite3.Error) else -1  # invalid text
     code = getattr(cause, "sqlite_errorcode", plain)
     return isinstance(cause, DamageError | VersionError) or code & 0xFF in wrong
 

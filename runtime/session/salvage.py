@@ -1,6 +1,6 @@
-"""Rows of a damaged session: found on its pages one by one, without SQLite, and known by their checksums.
+"""Recovers rows of a damaged session from its pages, without SQLite, verifying each by its checksum.
 
-A row with one wrong bit is repaired: the checksum tells which one it is.
+A row with one wrong bit is repaired: the checksum identifies that bit.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import BinaryIO
 from runtime.session.sqlite_file import side_files
 from runtime.session.tables import PAGE_BYTES, TABLES, TAIL, Row, Value, checksum, sealed
 
-LEAF, INDICES = 13, (2, 10)  # kinds of pages: one with rows of a table, and those of an index
-# pages that are searched byte by byte, for rows whose page no longer says where they begin
+LEAF_PAGE, INDEX_PAGES = 13, (2, 10)  # page types: table leaf; index pages
+# limit of the pages searched byte by byte for rows, because their directory is damaged
 MAX_SEARCHED_PAGES = 400
 MAX_SEARCHED_BITS = 40_000_000  # of rows with a wrong bit: about 2 s
-MAX_READ_RATIO = 2  # bytes of all rows over those of the file: pages that name one another without end
+MAX_READ_RATIO = 2  # bytes of all rows over the file's: damaged pages may refer to each other endlessly
 _WAL_MAGIC = (0x377F0682, 0x377F0683)
-_SIZES = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0)  # bytes of a value by its kind
+_SIZES = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0)  # bytes of a value by its serial type
 _COLUMNS = {table: columns.count(",") + 2 for table, columns in TABLES.items()}
-_UNDER_LOG = ("blobs", "motions", "frames")  # tables of which an older row does no harm
-_NUMBERED = ("steps", "motions")  # whose first column is the number of the row, which is stored apart
+_UNDER_LOG = ("blobs", "motions", "frames")  # tables in which an outdated row does no harm
+_NUMBERED = ("steps", "motions")  # tables whose first column is the row number, which is stored separately
 _POLYNOMIAL = 0xEDB88320  # of CRC-32
-# whether the number of a row is stored apart, the row's values, texts as bytes, and its checksum
+# whether the row number is stored separately, the row's values with texts as bytes, and its checksum
 Cell = tuple[bool, list[Value], Value | None]
 
 
@@ -35,7 +35,7 @@ def salvaged(path: Path) -> Iterator[tuple[str, Row]]:
 
 
 def _logged(path: Path) -> dict[int, bytes]:
-    """Return pages that the log of a file holds in their newest form; those after its last commit are left out."""
+    """Return the newest committed version of every page in a file's log."""
     log = side_files(path)[0]
     data = log.read_bytes() if log.is_file() else b""
     pages, waiting = dict[int, bytes](), dict[int, bytes]()
@@ -43,7 +43,7 @@ def _logged(path: Path) -> dict[int, bytes]:
         return {}
     for at in range(32, len(data) - PAGE_BYTES - 23, PAGE_BYTES + 24):
         number, committed = struct.unpack_from(">II", data, at)
-        if data[at + 8 : at + 16] != data[16:24]:  # of an earlier log in the same file
+        if data[at + 8 : at + 16] != data[16:24]:  # belongs to an earlier log in the same file
             break
         waiting[number] = data[at + 24 : at + 24 + PAGE_BYTES]
         if committed:
@@ -60,7 +60,7 @@ class _Pages:
         self.count = max(-(-size // PAGE_BYTES), *logged, 1)
         self.size = size + PAGE_BYTES * len(logged)
         self.left, self.bits = MAX_READ_RATIO * self.size, MAX_SEARCHED_BITS
-        self.used: set[int] = set()  # pages that belong to rows which were found
+        self.used: set[int] = set()  # pages that belong to rows already found
 
     def page(self, number: int) -> bytes:
         if number in self.logged:
@@ -69,7 +69,7 @@ class _Pages:
         return self.file.read(PAGE_BYTES)
 
     def rows(self) -> Iterator[tuple[str, Row]]:
-        """Yield rows as the log has them, then frames and what they need that lie under a log of another version of the file."""
+        """Yield rows as of the log, then frames and the rows they need from pages that the log has replaced."""
         yield from self._rows()
         if self.logged:
             self.logged = {}
@@ -92,14 +92,14 @@ class _Pages:
             yield from filter(None, anywhere)
 
     def _is_unclear(self, number: int) -> bool:
-        """Return whether a page may hold rows of which it says nothing: it is neither empty nor one of an index."""
+        """Return whether a page may contain rows that its directory does not list: it is neither empty nor an index page."""
         page = self.page(number)
-        return bool(page.strip(b"\0")) and page[0] not in INDICES
+        return bool(page.strip(b"\0")) and page[0] not in INDEX_PAGES
 
     def _cells(self, number: int) -> Iterator[Cell | None]:
-        """Yield the rows that a page says it has; None for what is no row."""
+        """Yield the rows in a page's directory; None for an invalid entry."""
         page, head = self.page(number), 100 * (number == 1)
-        if len(page) < head + 8 or page[head] != LEAF:
+        if len(page) < head + 8 or page[head] != LEAF_PAGE:
             return
         (count,) = struct.unpack_from(">H", page, head + 3)
         for k in range(min(count, (len(page) - head - 8) // 2)):
@@ -107,7 +107,7 @@ class _Pages:
             yield self._cell(page, at)
 
     def _cell(self, page: bytes, at: int) -> Cell | None:
-        """Return the row that begins at a place of a page; None where there is none."""
+        """Return the row at an offset of a page; None if there is none."""
         try:
             size, at = _varint(page, at)
             number, at = _varint(page, at)
@@ -124,7 +124,7 @@ class _Pages:
             return None
 
     def _payload(self, page: bytes, at: int, size: int) -> bytes:
-        """Return the bytes of a row, those on further pages too; ValueError where they are not there."""
+        """Return the bytes of a row, including overflow pages; ValueError if they are missing."""
         inside, room = size, PAGE_BYTES - 4
         if size > PAGE_BYTES - 35:
             least = (PAGE_BYTES - 12) * 32 // 255 - 23
@@ -148,7 +148,7 @@ class _Pages:
         return b"".join(parts)
 
     def _row(self, cell: Cell | None, repairs: bool = True) -> tuple[str, Row] | None:
-        """Return a row of one of our tables whose checksum fits, at once or by turning one bit; None for any other."""
+        """Return a row of a known table whose checksum matches, if need be after flipping one bit; else None."""
         numbered, values, known = cell or (False, [], None)
         if not isinstance(known, int):
             return None
@@ -163,11 +163,11 @@ class _Pages:
         return None
 
     def _repair(self, table: str, row: list[Value], difference: int) -> int:
-        """Turn the one bit of a row that makes its CRC-32 differ so; 0 where there is one.
+        """Flip the bit of a row that explains this difference in its CRC-32; 0 on success.
 
-        Behind each bit of the data the CRC-32 changes by the polynomial, shifted once for each bit that follows.
+        Flipping a bit changes the CRC-32 by the polynomial, shifted once for each bit that follows it.
         """
-        if difference.bit_count() == 1:  # of the checksum itself
+        if difference.bit_count() == 1:  # the wrong bit is in the checksum itself
             return 0
         change = _POLYNOMIAL
         for column in range(len(row) - 1, int(table == "motions") - 1, -1):
@@ -180,13 +180,13 @@ class _Pages:
             self.bits -= 8 * len(content)
             if self.bits < 0:
                 break
-            for _ in range(8 * (len(head) + 1)):  # the length and the kind of the value
+            for _ in range(8 * (len(head) + 1)):  # length and type of the value
                 change = change >> 1 ^ (_POLYNOMIAL if change & 1 else 0)
         return difference
 
 
 class _Text(bytes):
-    """The bytes of a text, which a wrong bit may have made none."""
+    """The bytes of a text, which a wrong bit may have made invalid."""
 
 
 def _content(value: Value) -> bytes:
@@ -194,14 +194,14 @@ def _content(value: Value) -> bytes:
 
 
 def _turned(value: Value, bit: int) -> Value:
-    """Return a value with one bit turned, counted from the end."""
+    """Return a value with one bit flipped, counted from the end."""
     data = bytearray(_content(value))
     data[len(data) - 1 - bit // 8] ^= 0x80 >> bit % 8
     return struct.unpack("<q", data)[0] if isinstance(value, int) else type(value)(data)
 
 
 def _texts(row: list[Value]) -> list[Value] | None:
-    """Return the values of a row with its texts decoded; None where one is no text."""
+    """Return the values of a row with its texts decoded; None if one is invalid."""
     try:
         return [value.decode("utf-8") if isinstance(value, _Text) else value for value in row]
     except UnicodeDecodeError:
@@ -209,12 +209,12 @@ def _texts(row: list[Value]) -> list[Value] | None:
 
 
 def _is_whole(row: Row) -> bool:
-    """Return whether a row is none of the newest frames of a recording, which are packed anew."""
+    """Return whether a row does not hold the newest frames of a recording, which are packed again later."""
     return not str(row[0]).endswith(TAIL)
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """Return a whole number of SQLite's at a place, and the place after it."""
+    """Return SQLite's variable-length integer at an offset, and the offset after it."""
     value = 0
     for k in range(8):
         value = value << 7 | data[at + k] & 0x7F
@@ -224,7 +224,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _kinds(page: bytes, at: int) -> list[int]:
-    """Return kinds of the values of a row whose head begins at a place."""
+    """Return the serial types of the values of a row whose header begins at an offset."""
     size, place = _varint(page, at)
     end, kinds = at + size, []
     while place < end:

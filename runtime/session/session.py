@@ -1,7 +1,7 @@
-"""A session: everything that a user made and can take back, as one value that never changes.
+"""A session: everything that a user has made and can undo, as one immutable value.
 
-The live character is the take whose end is open (`Session.live`): it has a prompt, a path, pins and camera keys as a
-take of the list has.
+The live character is the take with an open end (`Session.live`): it has a prompt, a path, pins and camera keys like any
+take in the list.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from runtime.takes.pose_edits import NO_EDITS, PoseEdits
 from runtime.terrain.height_map import Terrain
 
 LIVE = 0  # the number of the live character among the takes
-MIN_FRAMES = 2  # that a trim keeps
+MIN_FRAMES = 2  # minimum length after a trim
 MAX_RATING = 5
 NO_SHAPE, NO_PROMPT = BodyShape(), PromptBlend()
 
@@ -33,7 +33,7 @@ class Ground:
 
     spec: str
     terrain: Terrain = field(compare=False)
-    key: str  # of its content
+    key: str  # hash of its content
 
     @staticmethod
     def of(spec: str, terrain: Terrain) -> Ground:
@@ -47,9 +47,9 @@ class CharacterChoice:
     """The character: the mannequin in a shape, or a file whose content is stored under `key`."""
 
     shape: BodyShape = NO_SHAPE
-    path: str = ""  # of the file that was opened; "" for the mannequin
-    key: str = ""  # of the content of its files
-    unit: str = ""  # of lengths in its file: m, cm, mm or in; "" as its height tells
+    path: str = ""  # the opened file; "" for the mannequin
+    key: str = ""  # hash of the content of its files
+    unit: str = ""  # unit of length in its file: m, cm, mm or in; "" to infer it from its height
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ class Reference:
 
     take: int = LIVE
     video: str = ""  # a path
-    look: str = ""  # who shows it: a word of the viewer's
-    character: CharacterChoice | None = None  # its own
-    offset_s: float = 0.0  # it is shown so much later
+    look: str = ""  # its appearance, a term of the viewer
+    character: CharacterChoice | None = None  # of its own
+    offset_s: float = 0.0  # delay
     aside_m: float = 1.0  # to the right of the take
-    size: float = 0.4  # of a film's picture over the width of the view
+    size: float = 0.4  # width of a film's picture relative to the view's
     opacity: float = 0.5  # of a film over the take
     over: bool = False  # translucent, in the same place
 
@@ -90,28 +90,28 @@ class Variant:
 class Take:
     """A take: its motion and the edits over it. Without a motion it is the live character."""
 
-    number: int = LIVE  # given once in a session
+    number: int = LIVE  # unique in a session
     motion: Motion | None = None
-    name: str = ""  # given by the user; "": the motion's
+    name: str = ""  # given by the user; "" for the motion's
     trim: tuple[int, int] | None = None  # first and last frame that are kept
-    numbered_from: int = 0  # the frame that is shown as 0: where the part of a split take begins
+    numbered_from: int = 0  # frame that is shown as 0: where the part of a split take begins
     poses: PoseEdits = NO_EDITS  # pins and footplants
     cameras: tuple[CameraKey, ...] = ()
-    path: tuple[Waypoint, ...] = ()  # drawn; () of a take with a motion: as the motion goes
+    path: tuple[Waypoint, ...] = ()  # as drawn; () with a motion: the motion's own path
     prompt: PromptBlend = NO_PROMPT  # of the live character; a motion has its own in its input
     mirrored: bool = False
-    color: int = 0  # of its row; 0: none
-    rating: int = 0  # stars of `MAX_RATING`; 0: none
-    note: str = ""  # of the user
-    recorded: bool = True  # here, not read from a file
-    ground: Ground | None = None  # that it was made on, where that is known
-    own: OwnSkeleton | None = field(default=None, compare=False)  # of its file, where another skeleton moved
+    color: int = 0  # of its row; 0 for none
+    rating: int = 0  # up to `MAX_RATING` stars; 0 for none
+    note: str = ""  # by the user
+    recorded: bool = True  # in this program, not read from a file
+    ground: Ground | None = None  # on which it was made, if known
+    own: OwnSkeleton | None = field(default=None, compare=False)  # original skeleton of a retargeted file
 
     @property
     def title(self) -> str:
         made = "Live" if self.motion is None else self.motion.header.name
         name = self.name or (f"{made}, mirrored" if self.mirrored else made)
-        return " ".join(name.split()) or f"Take {self.number}"  # one of another program may have any
+        return " ".join(name.split()) or f"Take {self.number}"  # a foreign name may be blank
 
     @property
     def made(self) -> Motion:
@@ -165,7 +165,7 @@ class Take:
         return clip.trim(*self.range) if self.trimmed else clip
 
 
-_CLIPS = ClipCache()  # mirrored, or with pins and plants
+_CLIPS = ClipCache()  # mirrored, or with pins and footplants
 
 
 def _mirrored(motion: Motion) -> Clip:
@@ -183,7 +183,7 @@ def _posed(motion: Motion, is_mirrored: bool, poses: PoseEdits) -> Clip:
 
 @dataclass(frozen=True)
 class Session:
-    """Takes in order, the live character, its ground and body, and what is compared."""
+    """Takes in order, the live character, its ground and body, and the compare view's variants."""
 
     takes: tuple[Take, ...] = ()
     live: Take = Take()
@@ -192,7 +192,7 @@ class Session:
     model: ModelName = ModelName()
     reference: Reference | None = None
     variants: tuple[Variant, ...] = ()  # of the compare view
-    counter: int = 0  # the number of the take that came last
+    counter: int = 0  # number of the last take made
     selected: int = LIVE
 
     def take(self, number: int) -> Take | None:

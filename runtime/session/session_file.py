@@ -1,6 +1,6 @@
-"""A session in its file: every step of its history, the frames of its takes, and what is recorded while it is recorded.
+"""A session in its file: every step of its history, the frames of its takes, and recordings in progress.
 
-What is submitted here returns at once; the database's own thread packs and writes it.
+Calls return at once; the database's own thread packs and writes the data.
 """
 
 from __future__ import annotations
@@ -37,28 +37,28 @@ from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputRecording
 
 _LOG = logging.getLogger("sport.session")
-DROPPED_STEPS = 50  # of the history, after which what only they referred to is noted as lost
+DROPPED_STEPS = 50  # of the history, after which motions that only they referred to are marked as lost
 
 
 @dataclass
 class SessionFile(StoredMotions):
     """The file of the open session: its history, motions and recordings."""
 
-    repaired: str = ""  # what was wrong with the file when it was opened, in a user's words
-    recovered: int = 0  # takes that no step named
-    unrecovered: int = 0  # of them, those that are lost takes now
+    repaired: str = ""  # what was wrong with the file when it was opened, for the user
+    recovered: int = 0  # takes that no step referred to
+    unrecovered: int = 0  # of these, those that are lost takes now
     _documents: DocumentWriter = field(init=False)
-    _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
-    _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
-    _fresh: set[str] = field(default_factory=set)  # those that the transaction under way adds
-    _putting: Writer | None = None  # the transaction under way
-    # motions and recordings that anything in this process holds, by their keys
+    _written: dict[int, Session] = field(default_factory=dict)  # steps in the file, by number
+    _known: set[str] = field(default_factory=set)  # blobs, motions and characters in the file
+    _fresh: set[str] = field(default_factory=set)  # those added by the transaction in progress
+    _putting: Writer | None = None  # of the transaction in progress
+    # motions and recordings in use in this process, by key
     _held: weakref.WeakValueDictionary[str, Motion | Recording] = field(
         default_factory=weakref.WeakValueDictionary
     )
-    _dropped: int = 0  # steps of the history since the last look at what is not used
+    _dropped: int = 0  # steps of the history dropped since unused items were last looked for
     _has_motions: bool = False
-    _lost: bool = False  # the file may hold something that is noted as lost
+    _lost: bool = False  # the file may contain lost items
 
     def __post_init__(self) -> None:
         self._documents = DocumentWriter(self._put)
@@ -146,7 +146,7 @@ class SessionFile(StoredMotions):
     def _note_lost(
         self, writer: Writer, new: list[Session], dropped: list[Session], kept: Mapping[int, Session]
     ) -> None:
-        """Note motions that only dropped steps named as lost, and those that a new step names as found."""
+        """Mark motions that only dropped steps referred to as lost, and unmark those that a new step refers to."""
         gone = set[str]().union(*map(_motion_keys, dropped))
         for session in kept.values() if gone else ():
             gone -= _motion_keys(session)
@@ -160,7 +160,7 @@ class SessionFile(StoredMotions):
         self.database.submit(lambda writer: writer.lose([key, key + TAIL], int(time.time())))
 
     def _settle_lost(self) -> None:
-        """Have the writer note what no step refers to and nothing in this process holds; what is lost for long goes."""
+        """Have the writer mark unreferenced items that this process does not hold as lost, and remove old lost items."""
         self._dropped, self._lost = 0, True
 
         def work(writer: Writer) -> None:
@@ -169,12 +169,12 @@ class SessionFile(StoredMotions):
             if removed:
                 self._known -= removed
                 self._fresh -= removed
-                self._documents = DocumentWriter(self._put)  # what it remembers to have packed is gone
+                self._documents = DocumentWriter(self._put)  # its cache of packed contents is no longer valid
 
         self.database.submit(work)
 
     def _begin(self, writer: Writer) -> None:
-        """Begin to count what a transaction adds; of one that was rolled back nothing counts."""
+        """Start collecting what a transaction adds; a rolled-back one adds nothing."""
         if self._putting is writer:
             return
         if self._fresh:
@@ -188,7 +188,7 @@ class SessionFile(StoredMotions):
         writer.committed.append(committed)
 
     def _is_new(self, key: str) -> bool:
-        """Return whether the file lacks a blob, motion or character, and note that it has it from now on."""
+        """Return whether the file lacks a blob, motion or character; registers it as present."""
         new = key not in self._known and key not in self._fresh
         self._fresh.add(key)
         return new
@@ -233,7 +233,7 @@ class SessionFile(StoredMotions):
         writer.put_motion(motion.key, header_text(motion.header))
 
     def _input(self, inputs: InputRecording) -> str:
-        """Return what drove a take, but for the sticks of its own frames."""
+        """Return the JSON of a take's input without the sticks of its own frames."""
         lead = inputs.frames.rows[: -inputs.start] if inputs.start else inputs.frames.rows[:0]
         sticks = self._documents.blobs.data(pack_sticks(lead))
         value = self._documents.inputs(inputs) | {"lead": sticks, "lead_frames": len(lead)}
@@ -269,7 +269,7 @@ class SessionFile(StoredMotions):
     # --- opening
 
     def _read_history(self) -> History:
-        """Return the history of the file, with what no step names as takes of a step of its own."""
+        """Return the history of the file; motions without a step become takes of an extra last step."""
         known: dict[str, Motion] = {}
         reader = DocumentReader(
             BlobReader(self.path, self.database.blob, self.database.budget),
@@ -289,12 +289,12 @@ class SessionFile(StoredMotions):
         return history
 
     def _read_steps(self, reader: DocumentReader) -> tuple[list[Step], dict[int, tuple[str, str]]]:
-        """Return the steps that can be read, and the texts of the others and why they cannot, by their numbers.
+        """Return the readable steps, and the texts of the others with the reason, by number.
 
-        A step without some of its takes is none where another one has as many.
+        A step with missing takes is ignored if another one is complete.
         """
         steps, unsound = list[Step](), dict[int, tuple[str, str]]()
-        whole = set[int]()  # numbers of the steps whose takes are all there
+        whole = set[int]()  # numbers of the steps without missing takes
         for number, label in reversed(self.database.steps(MAX_STEPS + 1)):
             text = self.database.step(number)
             try:
@@ -309,7 +309,7 @@ class SessionFile(StoredMotions):
         return steps, unsound
 
     def _note_unsound(self, unsound: Mapping[int, tuple[str, str]], left_out: int) -> None:
-        """Move steps that cannot be read to the lost things, and say what is missing."""
+        """Move unreadable steps to the lost items, and report what is missing."""
         now_s = int(time.time())
 
         def work(writer: Writer) -> None:
@@ -327,7 +327,7 @@ class SessionFile(StoredMotions):
             self.database.submit(work)
 
     def _recover(self, history: History, named: set[str], counts: Mapping[str, int]) -> None:
-        """Take up motions with frames that no step names: recordings that were cut off, and what damaged steps named."""
+        """Recover motions with frames that no step refers to: interrupted recordings, and takes of damaged steps."""
         known = named.union(key for key, _, _ in self.database.lost())
         keys = [key for key in counts if key not in known]
         most = min(MAX_RECOVERED_TAKES, MAX_TAKES - len(history.present.session.takes))
@@ -343,7 +343,7 @@ class SessionFile(StoredMotions):
         name = motions[0][0].header.name if len(motions) == 1 else f"{len(motions)} takes"
         history.push(f"recovery of {name}", session)
 
-        def put_headers(writer: Writer) -> None:  # without this step they are lost: each must say what it has
+        def put_headers(writer: Writer) -> None:  # without this step they are lost: each needs a header
             for motion, _ in motions:
                 writer.put_motion(motion.key, header_text(motion.header))
 

@@ -1,6 +1,6 @@
-"""The SQLite file of a session: how it is made whole, locked and opened.
+"""The SQLite file of a session: how it is created, locked and opened.
 
-Of a file that is opened only the rows are used: they are copied into a new file. No SQL of a file runs, as its schema must
+Only the rows of an opened file are used: they are copied into a new file. No SQL of a file runs, as its schema must
 be that of `tables` and nothing else.
 """
 
@@ -28,24 +28,24 @@ from runtime.session.tables import MAX_CONTENT_BYTES, PAGE_BYTES, VersionError, 
 
 SUFFIX = ".sport"
 MAX_FILE_BYTES = 1 << 29  # of the file, and of its log
-MAX_VALUE_BYTES = (1 << 28) + (1 << 20)  # of one row as it is stored
-# a small file makes no more than this, a large one a multiple of its size
+MAX_VALUE_BYTES = (1 << 28) + (1 << 20)  # per stored row
+# memory limit for a small file, and for a large one as a multiple of its size
 MIN_BUDGET_BYTES, BUDGET_PER_FILE_BYTE, MAX_BUDGET_BYTES = 128 << 20, 16, MAX_CONTENT_BYTES
 MAX_NAME_BYTES = 255  # of a file, on most systems
-ASIDE, KEPT_ASIDE_DAYS = ".damaged-", 30  # of a damaged session's name, and how long it is kept
+ASIDE, KEPT_ASIDE_DAYS = ".damaged-", 30  # part of a damaged session's name, and how long it is kept
 REMEDY = "Choose another file, or an older copy of it."
 ROOM_REMEDY = "Make room on the disk, or save a copy elsewhere."
 _SAID = {
     sqlite3.SQLITE_FULL: f"there is no room left, or the session has reached {MAX_FILE_BYTES >> 20} MB",
     sqlite3.SQLITE_IOERR: "the disk cannot be read or written",
     sqlite3.SQLITE_CANTOPEN: "it cannot be opened",
-    sqlite3.SQLITE_PERM: "it must not be written",
-    sqlite3.SQLITE_READONLY: "it must not be written",
-    sqlite3.SQLITE_BUSY: "another program keeps it busy",
-    sqlite3.SQLITE_LOCKED: "another program keeps it busy",
+    sqlite3.SQLITE_PERM: "it is write-protected",
+    sqlite3.SQLITE_READONLY: "it is write-protected",
+    sqlite3.SQLITE_BUSY: "another program has locked it",
+    sqlite3.SQLITE_LOCKED: "another program has locked it",
     sqlite3.SQLITE_CORRUPT: "it is damaged",
-    sqlite3.SQLITE_NOTADB: "it is no session",
-    sqlite3.SQLITE_CONSTRAINT: "a value is not as it must be",
+    sqlite3.SQLITE_NOTADB: "it is not a session",
+    sqlite3.SQLITE_CONSTRAINT: "a value is invalid",
 }
 
 
@@ -71,18 +71,18 @@ class Budget:
     def spend(self, count: int) -> None:
         """Subtract `count` bytes from the budget; ValueError if it is exceeded."""
         if count > self.left:
-            raise ValueError(f"it unfolds to more than {self.of >> 20} MB")
+            raise ValueError(f"it unpacks to more than {self.of >> 20} MB")
         self.left -= count
 
 
 def _code(error: Exception) -> int:
-    """Return SQLite's primary code of an error, 0 for any other; an index of the log without room is a full disk, too."""
+    """Return SQLite's primary error code, 0 for other errors; a log index without room counts as a full disk, too."""
     code: int = getattr(error, "sqlite_errorcode", 0)
     return sqlite3.SQLITE_FULL if code == sqlite3.SQLITE_IOERR_SHMSIZE else code & 0xFF
 
 
 def said(error: Exception) -> str:
-    """Return what went wrong with a file, in words for the user."""
+    """Return a description of an error of a file, for the user."""
     if isinstance(error, sqlite3.Error):
         return _SAID.get(_code(error), reason(error))
     if isinstance(error, zlib.error):
@@ -111,12 +111,12 @@ def side_files(path: Path) -> tuple[Path, Path]:
 def unwritten_files(path: Path) -> tuple[Path, Path]:
     """Return the two places for changes that a session's file could not take: next to it, and in the user's state folder."""
     key = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]
-    name = _fitting(path.name, 44)  # it is written under a name that is longer still
+    name = _fitting(path.name, 44)  # its temporary file has a longer name still
     return path.with_name(f".{name}.unwritten"), state_directory() / "unwritten" / f"{key}.unwritten"
 
 
 def _fitting(name: str, more: int) -> str:
-    """Return the name of a file that has room for so many bytes more: one that is too long ends with its hash."""
+    """Return a file name with room for `more` bytes: one that is too long is shortened and ends with its hash."""
     data = os.fsencode(name)
     if _name_size(name) + more <= MAX_NAME_BYTES:
         return name
@@ -125,12 +125,12 @@ def _fitting(name: str, more: int) -> str:
 
 
 def _name_size(name: str) -> int:
-    """Return how much of the longest name of a file a name takes: bytes, or on Windows units of UTF-16."""
+    """Return the length of a file name as its limit counts it: bytes, or on Windows UTF-16 units."""
     return len(name.encode("utf-16-le", "surrogatepass")) // 2 if os.name == "nt" else len(os.fsencode(name))
 
 
 def _aside(path: Path) -> str:
-    """Return how the names of damaged sessions begin that `keep_aside` has kept; a time and the ending of a log follow."""
+    """Return the name prefix of damaged sessions kept by `keep_aside`; a time and a log's ending follow."""
     return _fitting(path.name, len(ASIDE) + 19) + ASIDE
 
 
@@ -146,13 +146,13 @@ def is_own(path: Path) -> bool:
 
 
 def keep_aside(path: Path, log: bool = True) -> Path:
-    """Keep a session, with its log or alone, as it is under another name next to it, for `KEPT_ASIDE_DAYS`; OSError."""
+    """Keep a copy of a session, with its log or alone, under another name next to it, for `KEPT_ASIDE_DAYS`; OSError."""
     aside = path.with_name(f"{_aside(path)}{time.strftime('%Y%m%d-%H%M%S')}")
     for file, kept in ((path, aside), (side_files(path)[0], side_files(aside)[0]))[: 1 + log]:
         if file.exists():
             try:
                 os.link(file, kept)
-            except OSError:  # a disk without links, such as FAT
+            except OSError:  # a disk without hard links, such as FAT
                 shutil.copyfile(file, kept)
     return aside
 
@@ -175,7 +175,7 @@ def take_lock(path: Path) -> int:
     """Lock a session and return the descriptor of its lock file. Raises FileInUse, FileError."""
     with file_errors(path, "Open a copy of it, or choose a folder that can be written."):
         path.parent.mkdir(parents=True, exist_ok=True)
-        for _ in range(3):  # a process that only looks lets go at once
+        for _ in range(3):  # a process that only checks the lock releases it at once
             handle = open_locked(lock_of(path), create=True)
             if handle is not None:
                 return handle
@@ -184,7 +184,7 @@ def take_lock(path: Path) -> int:
 
 def drop_lock(handle: int, path: Path) -> None:
     """Release a session's lock and remove the lock file."""
-    with contextlib.suppress(OSError):  # one that stays locks nothing
+    with contextlib.suppress(OSError):  # a remaining lock file locks nothing
         lock_of(path).unlink()
     os.close(handle)
 
@@ -201,7 +201,7 @@ def is_held(path: Path) -> bool:
 
 
 def real_path(path: Path) -> Path:
-    """Return the path without links, as SQLite's other files lie next to it; FileError when it is no name of a session."""
+    """Return the path with links resolved, as SQLite's other files lie next to it; FileError if it is not a session's name."""
     try:
         real = Path(os.path.realpath(path))
         room = MAX_NAME_BYTES - _name_size(f"{real.name}-journal")
@@ -230,7 +230,7 @@ def check_files(path: Path) -> int:
         if not stat.S_ISREG(status.st_mode):
             kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
             raise FileError(f"{file}: this is {kind}.", "Check the path.")
-        if file.name.endswith("-journal"):  # SQLite would do what it says; this program writes none
+        if file.name.endswith("-journal"):  # SQLite would replay it; this program never writes one
             raise FileError(f"{file}: this is of another program.", "Move it away.")
         if status.st_size > MAX_FILE_BYTES:
             raise FileError(f"{file}: larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
@@ -274,10 +274,10 @@ def connect_writer(path: Path) -> sqlite3.Connection:
         connection.close()
         raise FileError(f"{path}: its disk cannot hold a session.", "Choose a folder on another disk.")
     connection.execute("PRAGMA synchronous = FULL")
-    connection.execute("PRAGMA secure_delete = ON")  # what was removed does not leave with the file
+    connection.execute("PRAGMA secure_delete = ON")  # removed data must not leave with the file
     page = connection.execute("PRAGMA page_size").fetchone()[0]
     connection.execute(f"PRAGMA max_page_count = {MAX_FILE_BYTES // page}")
-    connection.execute("SELECT * FROM meta LIMIT 0")  # the log is there from now on
+    connection.execute("SELECT * FROM meta LIMIT 0")  # creates the log
     return connection
 
 
@@ -296,7 +296,7 @@ def new_file(path: Path, before: Callable[[], None] = lambda: None) -> Iterator[
     """
     with atomic_path(path) as temporary, file_errors(path, ROOM_REMEDY):
         with contextlib.closing(connect(temporary, "rw")) as connection:
-            # the file has no name yet: what is cut off is thrown away, and `atomic_path` syncs the rest
+            # the file has no name yet: an interrupted one is discarded, and `atomic_path` syncs the rest
             connection.execute(f"PRAGMA page_size = {PAGE_BYTES}")
             connection.execute("PRAGMA journal_mode = OFF")
             connection.execute("PRAGMA synchronous = OFF")
@@ -307,6 +307,6 @@ def new_file(path: Path, before: Callable[[], None] = lambda: None) -> Iterator[
             connection.execute("PRAGMA journal_mode = WAL")
         check_files(temporary)
         before()
-        # what stayed would be read as the new file's
+        # a remaining log would be read as the new file's
         for file in (*side_files(path), *unwritten_files(path)):
             file.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Motions and characters of a session's file as they are read, as untrusted, also those that no step names."""
+"""Reads motions and characters of a session's file as untrusted, including those that no step refers to."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from runtime.takes.clip import Clip, are_poses
 from runtime.takes.input_recording import COLUMNS, InputFrames, InputRecording
 from runtime.takes.metadata import gait_seconds
 
-MAX_CLIP_BYTES = 300 << 20  # of one take in memory: two and a half hours
+MAX_CLIP_BYTES = 300 << 20  # memory of one take: two and a half hours
 
 
 @dataclass
@@ -122,11 +122,11 @@ class StoredMotions:
 
         return reader.checked(read)
 
-    # --- what no step names
+    # --- lost items
 
     @property
     def lost_takes(self) -> list[LostTake]:
-        """The newest `MAX_RECOVERED_TAKES` that no step has named for less than `LOST_DAYS`, the newest first; FileError."""
+        """The newest `MAX_RECOVERED_TAKES` lost for less than `LOST_DAYS`, newest first; FileError."""
         frames, found = self.database.frame_counts(), dict[str, tuple[int, Motion]]()
         places = {key: place for place, key in enumerate(frames)}
         lost = [(since_s, places[key], key) for key, since_s, _ in self.database.lost() if key in places]
@@ -145,7 +145,7 @@ class StoredMotions:
         ]
 
     def _recovered(self, key: str, frames: int) -> tuple[Motion, bool] | None:
-        """Return a motion of the file with the frames that are there, and whether its recording was cut off; None for too few."""
+        """Return a motion with its available frames, and whether its recording was interrupted; None if it is too short."""
         if not MIN_FRAMES <= frames <= MAX_FRAMES:
             return None
         cut_off = False
@@ -166,7 +166,7 @@ class StoredMotions:
         return Motion(key, header, source=self), cut_off
 
     def _takes_of(self, keys: set[str]) -> dict[str, Take]:
-        """Return the newest text of a take that names each of some motions, where there is one that can be read."""
+        """Return the newest readable take that refers to each of some motions."""
         found: dict[str, Take] = {}
         reader = self._reader()
         for key, size in self.database.text_blobs() if keys else ():
@@ -187,4 +187,4 @@ def are_gaits(gaits: AnyArray | None) -> bool:
 def check_motion(clip: Clip, path: Path | str = "a take") -> None:
     """Raise FileError unless every frame can be shown."""
     if not are_gaits(clip.gaits) or not are_poses(clip.hips_positions, clip.local_rotations, clip.contacts):
-        raise FileError(f"{path}: a take whose frames are no poses.", REMEDY)
+        raise FileError(f"{path}: a take with invalid poses.", REMEDY)

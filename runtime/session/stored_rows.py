@@ -1,4 +1,4 @@
-"""Rows of a session on disk: read as untrusted, every length counted before anything of that size is made, and changed."""
+"""Rows of a session file: read as untrusted, with every length checked before memory is allocated, and changed."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from runtime.errors import FileError
 from runtime.session.sqlite_file import MAX_BUDGET_BYTES, REMEDY, Budget, file_errors
 from runtime.session.tables import MAX_TEXT_BYTES, PAGE_BYTES, TAIL, Row, checksum, put_rows, sealed
 
-MIN_PIECE_FRAMES, MAX_SMALL_PIECES = 100, 400  # of a motion on average, and pieces of the newest frames
-MAX_TAKE_TEXT_BYTES, MAX_TAKE_TEXTS = 1 << 18, 10_000  # of one, and how many are looked through
+MIN_PIECE_FRAMES, MAX_SMALL_PIECES = 100, 400  # of a motion on average; limit of small pieces, the newest
+MAX_TAKE_TEXT_BYTES, MAX_TAKE_TEXTS = 1 << 18, 10_000  # size of a text, and how many are searched
 ZLIB_LEVEL = 1  # of zlib
 
 
@@ -24,10 +24,10 @@ ZLIB_LEVEL = 1  # of zlib
 class StoredRows:
     """Reads the tables of a session; FileError for rows that are missing, damaged or exceed the budget."""
 
-    path: Path  # without links
+    path: Path  # with links resolved
     budget: Budget
     _reader: sqlite3.Connection | None = None
-    # rows that the budget paid for, or this process wrote
+    # rows already charged to the budget, or written by this process
     _counted: set[tuple[Any, ...]] = field(default_factory=set)
     _reading: threading.RLock = field(default_factory=threading.RLock)
 
@@ -126,7 +126,7 @@ class StoredRows:
         *values: Any,
         order: str = "",
     ) -> Any:
-        """Return rows of values of these kinds; what they come to is counted before they are made, once for each question."""
+        """Return rows of values of these types; their size is charged to the budget before they are read, once per query."""
         question = (table, *values)
         with self._reading, file_errors(self.path):
             if self._reader is None:
@@ -154,7 +154,7 @@ class Writer:
         self._connection, self._run = connection, connection.execute
         self._many = connection.executemany
         self._counted = counted
-        # called once all of it lasts; not where it is rolled back
+        # called after the commit; not after a rollback
         self.committed: list[Callable[[], None]] = []
 
     def put_blob(self, key: str, content: bytes) -> None:
@@ -211,7 +211,7 @@ class Writer:
         found = self._run("SELECT content FROM blobs WHERE key = ?", (key,)).fetchone()
         return b"" if found is None else zlib.decompressobj().decompress(found[0], MAX_TEXT_BYTES)
 
-    # --- what no step names
+    # --- lost items
 
     def lose(self, keys: Iterable[str], since_s: int, text: str = "") -> None:
         """Mark motions or blobs as lost since a time; items already marked keep theirs."""

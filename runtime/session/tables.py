@@ -1,4 +1,4 @@
-"""The tables of a session's file: their rows with a checksum each, and what is checked of a file from elsewhere."""
+"""The tables of a session's file, their rows with a checksum each, and the checks of a foreign file."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from functools import cache
 
 APPLICATION_ID = 0x53504F52  # "SPOR"
 SCHEMA_VERSION = 2
-PLAIN_VERSION = 1  # without checksums and without lost things
+PLAIN_VERSION = 1  # without checksums and lost items
 PAGE_BYTES = 4096
-INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
+INPUT, TAIL = ".input", ".tail"  # suffixes of a motion's key, for its input and its newest frames
 MAX_TEXT_BYTES = 16 << 20  # of one text
-MAX_CONTENT_BYTES = 3 << 29  # that one content unfolds to
-MAX_ROWS = 100_000  # of one table: of a full file, 28 hours, half
-MAX_OPERATIONS = 400_000_000  # of SQLite's machine while a file is checked: a full file costs a tenth
+MAX_CONTENT_BYTES = 3 << 29  # of one unpacked content
+MAX_ROWS = 100_000  # per table: a full file, 28 hours, has half
+MAX_OPERATIONS = 400_000_000  # of SQLite's virtual machine while a file is checked: a full file needs a tenth
 TABLES = {
     "meta": "name TEXT PRIMARY KEY, value",
     "steps": "number INTEGER PRIMARY KEY, label TEXT, document TEXT",
-    "blobs": "key TEXT PRIMARY KEY, size INTEGER, content BLOB",  # size: of what it unfolds to
+    "blobs": "key TEXT PRIMARY KEY, size INTEGER, content BLOB",  # size: unpacked
     "motions": "number INTEGER PRIMARY KEY, key TEXT UNIQUE, header TEXT",
     "frames": "motion TEXT, number INTEGER, count INTEGER, size INTEGER, content BLOB",
-    # what no step names since a time in seconds since 1970: a motion, a blob, or the text of a step
+    # lost items, with the time in seconds since 1970: a motion, a blob, or the text of a step
     "lost": "key TEXT PRIMARY KEY, since INTEGER, text TEXT",
 }
 _TABLE_SUMS = {table: zlib.crc32(f"{SCHEMA_VERSION} {table}".encode()) for table in TABLES}
-_SIZED = struct.Struct("<cq").pack  # of a value: its kind, and its number or length
+_SIZED = struct.Struct("<cq").pack  # of a value: its type, and its number or length
 _KEYS = {"frames": "PRIMARY KEY (motion, number)"}
 _TEXT = f"typeof({{0}}) = 'text' AND length(CAST({{0}} AS BLOB)) <= {MAX_TEXT_BYTES}"
 _NUMBER = "typeof({0}) = 'integer' AND {0} BETWEEN {1} AND {2}"
 _CONTENT = f"{_NUMBER.format('size', 0, MAX_CONTENT_BYTES)} AND typeof(content) = 'blob'"
-_SOUND = {  # what is true of each row
+_SOUND = {  # conditions on each row
     "meta": f"{_TEXT.format('name')} AND (typeof(value) = 'blob' OR {_TEXT.format('value')})",
     "steps": f"{_TEXT.format('label')} AND {_TEXT.format('document')}",
     "blobs": f"{_TEXT.format('key')} AND {_CONTENT}",
@@ -55,9 +55,9 @@ class VersionError(ValueError):
 
 
 def checksum(table: str, row: Row) -> int:
-    """Return CRC-32 of the values of a row without its checksum, and without the number of a motion, which is its place only.
+    """Return the CRC-32 of a row without its checksum, and without the number of a motion, which only gives its position.
 
-    It is of the table, then of kind, length and content of each value.
+    It covers the table, then type, length and content of each value.
     """
     known = _TABLE_SUMS[table]
     for value in row[1:] if table == "motions" else row:
@@ -104,21 +104,21 @@ def version_of(connection: sqlite3.Connection) -> int:
         connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
     )
     if program != APPLICATION_ID:
-        raise DamageError("it is no session")
+        raise DamageError("it is not a session")
     if version not in (PLAIN_VERSION, SCHEMA_VERSION):
         raise VersionError(
             f"a later version of this program wrote it (format {version}, known {SCHEMA_VERSION})"
         )
     found = connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT 20").fetchall()
     if sorted(found, key=str) != _schema(version):
-        raise DamageError("it is no session: its tables are others")
+        raise DamageError("it is not a session: its tables differ")
     return int(version)
 
 
 def check_content(connection: sqlite3.Connection) -> None:
     """Raise ValueError or sqlite3.Error if there are too many rows, or a page or value is invalid.
 
-    Pages are checked before values, so that the check of the values cannot run in circles.
+    Pages are checked before values, so that the check of the values terminates.
     """
     for table in _tables(connection):
         query = f"SELECT count(*) FROM (SELECT 1 FROM {table} LIMIT {MAX_ROWS + 1})"
@@ -127,7 +127,7 @@ def check_content(connection: sqlite3.Connection) -> None:
     for (problem,) in connection.execute("PRAGMA quick_check(1)"):
         if problem != "ok":
             raise DamageError("it is damaged")
-    for table in _tables(connection):  # SQLite ignores a CHECK where it only reads
+    for table in _tables(connection):  # SQLite ignores a CHECK when reading
         if connection.execute(f"SELECT 1 FROM {table} WHERE NOT ({_SOUND[table]}) LIMIT 1").fetchone():
             raise DamageError("a value is of another type or too large")
 

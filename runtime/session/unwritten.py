@@ -1,7 +1,7 @@
-"""Changes that a session's file had not taken when the program ended: the next one that opens it makes them.
+"""Changes that were not in a session's file when the program ended: the next process that opens it applies them.
 
-They are calls of `Writer` in their order, as JSON. To make them once more changes nothing, so a file that has taken some
-of them by then is brought to the same state.
+They are calls of `Writer` in order, as JSON. Applying them twice has no further effect, so a file that already contains
+some of them ends up in the same state.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from runtime.safe_read import parse_json, read_bounded
 from runtime.session.sqlite_file import BUDGET_PER_FILE_BYTE, MAX_FILE_BYTES, is_own, unwritten_files
 from runtime.session.stored_rows import Writer
 
-Change = tuple[str, list[Any], dict[str, Any]]  # a method of `Writer` and what it gets
+Change = tuple[str, list[Any], dict[str, Any]]  # a method of `Writer` and its arguments
 CHANGES = (
     "put_blob", "put_motion", "put_frames", "drop_frames", "put_step", "drop_step", "drop_steps", "set_meta",
     "lose", "find",
 )  # fmt: skip
-# what the other methods of `Writer` give; what is lost for long is removed when the session is opened
+# results of the other methods of `Writer`; old lost items are removed when the session is opened
 NOTHING_READ: dict[str, Any] = {
     "documents": (), "motion": "", "blob": b"", "lost": [], "kept": ([], []), "remove": None, "stored_bytes": 0,
 }  # fmt: skip
-MIN_UNFOLDED_BYTES = 64 << 20  # a small file may unfold to so much, see `BUDGET_PER_FILE_BYTE`
-MAX_ITEMS = 1 << 25  # commas of texts are counted too
+MIN_UNFOLDED_BYTES = 64 << 20  # unpacked size allowed for a small file, see `BUDGET_PER_FILE_BYTE`
+MAX_ITEMS = 1 << 25  # including commas within texts
 MAX_CHANGES = 200_000
 REMEDY = "Move it away to open the session without its last changes."
 
@@ -79,7 +79,7 @@ def _as_json(value: bytes | Iterable[str]) -> dict[str, str] | list[str]:
 
 
 def _write(file: Path, content: bytes, done: threading.Event) -> None:
-    """Write a file of this user's own; no link is followed, and only what this made is replaced."""
+    """Write a file of this user's own; no link is followed, and only own files are replaced."""
     temporary = file.with_name(f"{file.name}.{uuid.uuid4().hex}")
     try:
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -88,7 +88,7 @@ def _write(file: Path, content: bytes, done: threading.Event) -> None:
                 opened.write(content)
             temporary.replace(file)
     except OSError:
-        with contextlib.suppress(OSError):  # `keep` sees that it is not there
+        with contextlib.suppress(OSError):  # `keep` notices that it is missing
             temporary.unlink(missing_ok=True)
     done.set()
 
@@ -102,7 +102,7 @@ def read(path: Path) -> list[Change]:
             unfold, content = zlib.decompressobj(), read_bounded(file, MAX_FILE_BYTES, REMEDY)
             text = unfold.decompress(content, MIN_UNFOLDED_BYTES + BUDGET_PER_FILE_BYTE * len(content))
             if not unfold.eof or text.count(b"], {") > 2 * MAX_CHANGES:
-                raise ValueError("cut off, or it unfolds to more than it may")
+                raise ValueError("truncated, or too large when unpacked")
             changes += [_change(value) for value in parse_json(text, MAX_ITEMS)]
             if len(changes) > MAX_CHANGES:
                 raise ValueError("more changes than are ever waiting")

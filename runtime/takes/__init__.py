@@ -1,1 +1,1 @@
-"""Takes on their way out: what is exported, in which form, and on which ground."""
+"""Takes: clips, their recording and input, edits and loops."""

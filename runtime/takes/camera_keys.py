@@ -32,7 +32,7 @@ class CameraKey:
     def __post_init__(self) -> None:
         limits = (36_000.0, 1e3, MAX_PITCH, MAX_DISTANCE_M, MAX_BESIDE_M, MAX_BESIDE_M, MAX_BESIDE_M)
         if not all(abs(value) <= limit for value, limit in zip(astuple(self), limits, strict=True)):
-            raise UsageError("A camera key that looks from nowhere.", "Key another view.")
+            raise UsageError("A camera key with an invalid view.", "Key another view.")
         if self.seconds < 0.0 or self.distance < 0.1:
             raise UsageError("A camera key before the take, or inside what it looks at.", "Key another view.")
 

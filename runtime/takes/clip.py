@@ -1,4 +1,4 @@
-"""A take: an immutable clip of poses with what is known of its making."""
+"""A clip of a take: immutable poses with their origin."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from runtime.skeleton import SPORT_SKELETON, J
 from runtime.takes.metadata import UNKNOWN, UNMOVED, LoopReport, Origin, PromptEvent, describe, gait_seconds
 
 MAX_NORM_ERROR = 0.01  # of a quaternion
-MIN_SIZE, MAX_SIZE = 0.05, 20.0  # of a body, in ours
-MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 8 mm fine
+MIN_SIZE, MAX_SIZE = 0.05, 20.0  # of a body, relative to ours
+MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin, where float32 has a resolution of 8 mm
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,14 @@ class Clip:
     prompts: tuple[PromptEvent, ...] = ()
     terrain: str = "flat"  # name or file of the ground it was made on
     origin: Origin = UNKNOWN  # model, seed and settings
-    gait_seconds: tuple[tuple[str, float], ...] = ()  # how long each gait was requested
-    gaits: NDArray[np.int8] | None = None  # (T,) requested in each frame; None where not known
-    # yaw and x, y, z by which the take was moved from its place on its ground; None: it no longer goes over it
+    gait_seconds: tuple[tuple[str, float], ...] = ()  # seconds for which each gait was requested
+    gaits: NDArray[np.int8] | None = None  # (T,) requested in each frame; None if unknown
+    # yaw and x, y, z by which the take was moved from its place on its ground; None: it no longer fits the ground
     placed: tuple[float, ...] | None = UNMOVED
-    # metres of a metre of the skeleton: the clip was made for a body so many times as large as ours, and all lengths in
-    # it are that body's; files have them in metres of the world
+    # world metres per metre of the skeleton: the clip is for a body this many times as large as ours, and its lengths are
+    # at that body's scale; files contain world metres
     size: float = 1.0
-    loop: LoopReport | None = None  # what the cycle came to that it is, None for no loop
+    loop: LoopReport | None = None  # the cycle, None if it is not a loop
 
     def __post_init__(self) -> None:
         n = len(self.hips_positions)
@@ -122,7 +122,7 @@ class Clip:
         )
 
     def _at(self, seconds: Array) -> tuple[Array, Array, Array]:
-        """Hips, local rotations and contacts at times, on the cubic through the four frames around each."""
+        """Hips, local rotations and contacts at times, by a cubic through the four nearest frames."""
         at = np.clip(np.asarray(seconds, np.float64) * self.fps, 0.0, len(self) - 1.0)
         before = np.minimum(np.floor(at + 1e-9).astype(np.int64), max(len(self) - 2, 0))
         t = np.clip(at - before, 0.0, 1.0)
@@ -142,9 +142,9 @@ class Clip:
 
 
 def _cubic(t: Array, has_before: NDArray[np.bool_], has_after: NDArray[np.bool_]) -> Array:
-    """Weights `(n, 4)` of four samples for a place `t` between the middle two (Catmull and Rom 1974).
+    """Weights `(n, 4)` of four samples for a position `t` between the middle two (Catmull and Rom 1974).
 
-    Where one outer sample is missing, the curve is the parabola through the other three; without both, a line.
+    Without one of the outer samples the curve is the parabola through the other three; without both, a line.
     """
     a, b = -0.5 * t * (1.0 - t) ** 2, -0.5 * t**2 * (1.0 - t)
     weights = np.stack([a, 1.0 - t - 2.0 * a + b, t - 2.0 * b + a, b], axis=-1)
@@ -181,7 +181,7 @@ def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) 
     within = [e for e in events if start < e.seconds <= start + length]
     kept = []
     if before:
-        # a transition may still be under way
+        # a transition may still be in progress
         left = before[-1].seconds + before[-1].transition_seconds - start
         kept = [replace(before[-1], seconds=0.0, transition_seconds=max(left, 0.0))]
     return (*kept, *(replace(e, seconds=e.seconds - start) for e in within))

@@ -1,7 +1,6 @@
-"""Edits of when a foot bears: a plant that lasts longer or shorter, comes at another time, is added or taken away.
+"""Footplant edits: a plant is lengthened, shortened, moved, added or removed.
 
-The path of the foot is retimed: what it does between two plants takes the time that is left between
-them, and the leg follows by IK.
+The path of the foot is retimed: its motion between two plants takes the time left, and the leg follows by IK.
 """
 
 from __future__ import annotations
@@ -19,13 +18,13 @@ from runtime.feet.ik import LEG_FEET, LEG_THIGHS, LEG_TOES, solve_legs
 from runtime.takes.clip import Clip
 from runtime.takes.pinned import drop_to
 
-BEARING_CONTACT_THRESHOLD = 0.5  # of a heel or toe: it bears the character
-LIFT_M = 0.06  # of a foot over a plant that was taken away
-MAX_WINDOW_FRAMES = 36_000  # ten minutes: an edit that changes more fits no clip
+BEARING_CONTACT_THRESHOLD = 0.5  # of a heel or toe that carries weight
+LIFT_M = 0.06  # of a foot over a removed plant
+MAX_WINDOW_FRAMES = 36_000  # ten minutes: a longer change is invalid
 MIN_FRAMES = 2  # of a plant, and between two
-EASE_FRAMES = 8  # in which a foot comes down for a plant that was added
+EASE_FRAMES = 8  # landing time of an added plant
 MAX_FRAME = 1 << 31
-Frames = tuple[int, int]  # first, and the one after the last
+Frames = tuple[int, int]  # first, and one past the last
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ def fitted_footplant(known: Sequence[Frames], count: int, old: Frames | None, st
             high = min(high, a - MIN_FRAMES)
     inside = old is None and any(a <= middle < b for a, b in others)
     if inside or high - low < MIN_FRAMES:
-        raise UsageError("A plant there: the foot bears already.", "Choose frames in which it swings.")
+        raise UsageError("The foot is already planted there.", "Choose frames in which it swings.")
     start = min(max(start, low), high - MIN_FRAMES)
     end = max(min(end, high), start + MIN_FRAMES)
     return start, end
@@ -80,7 +79,7 @@ def unfitted(clip: Clip, edits: Sequence[FootplantEdit]) -> int:
 
 
 def _each(clip: Clip, edits: Sequence[FootplantEdit]) -> tuple[Clip, int]:
-    """The clip with the edits that fit it, and how many do not."""
+    """Return the clip with the edits that fit, and the number of those that do not."""
     left_out, made = 0, clip
     for edit in edits:
         known = footplants(made.contacts[:, 2 * edit.foot : 2 * edit.foot + 2])
@@ -102,7 +101,7 @@ def _fits(edit: FootplantEdit, known: list[Frames], part: slice, count: int) -> 
 
 
 def _window(edit: FootplantEdit, known: list[Frames], count: int) -> slice:
-    """The frames that an edit can change: from the plant before it to the one after it, and as long as hips sink and rise."""
+    """Return the frames that an edit can change: from the previous to the next plant, plus the hips' easing."""
     frames = [*(edit.old or ()), *(edit.new or ())]
     first, last = min(frames, default=0), max(frames, default=0)
     first = min([first, *(b for _, b in known[::-1] if b < first)][:2])
@@ -113,7 +112,7 @@ def _window(edit: FootplantEdit, known: list[Frames], count: int) -> slice:
 
 
 def _shifted(edit: FootplantEdit, known: list[Frames], part: slice) -> tuple[FootplantEdit, list[Frames]]:
-    """An edit and plants as they are counted in some frames of a clip."""
+    """Return an edit and plants with frames relative to a part of a clip."""
     low, high = part.start, part.stop
 
     def moved(frames: Frames | None) -> Frames | None:
@@ -164,7 +163,7 @@ def _replanted(clip: Clip, edit: FootplantEdit, known: list[Frames]) -> Clip:
 
 
 def _smoothed(drop: Array) -> Array:
-    """How far the hips sink, begun some frames before and ended after: nowhere less than `drop`."""
+    """Return the hips' lowering, eased before and after, and nowhere less than `drop`."""
     around = np.lib.stride_tricks.sliding_window_view(np.pad(drop, EASE_FRAMES), 2 * EASE_FRAMES + 1)
     most = np.pad(around.max(axis=1), EASE_FRAMES, mode="edge")
     window = np.hanning(2 * EASE_FRAMES + 3)[1:-1]
@@ -172,7 +171,7 @@ def _smoothed(drop: Array) -> Array:
 
 
 def _put_down(path: Array, turns: Array, new: Frames) -> tuple[Array, Array]:
-    """The foot stands where it is in the middle of the new plant, as high as its lowest frames there are."""
+    """Hold the foot at its position in the middle of the new plant, at its lowest height there."""
     first, end = new
     middle = (first + end) // 2
     around = slice(max(first - EASE_FRAMES, 0), min(end + EASE_FRAMES, len(path)))
@@ -187,8 +186,8 @@ def _put_down(path: Array, turns: Array, new: Frames) -> tuple[Array, Array]:
 
 
 def _retimed(count: int, before: int, old: Frames, new: Frames, after: int) -> Array:
-    """The old time (frames) that each frame shows `(count,)`."""
-    # the last frame of the swing stays apart from the first one of the plant
+    """Return the source time (frames) of each frame, `(count,)`."""
+    # the last frame of the swing stays distinct from the first one of the plant
     now = [before, new[0], new[1] - 1, after]
     then = [before, old[0], old[1] - 1, after]
     at = np.arange(count, dtype=float)

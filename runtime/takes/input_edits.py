@@ -1,6 +1,6 @@
-"""Edits of what a take was driven by: prompts and gaits as spans that are reworded, moved and inserted.
+"""Edits of a take's input: prompts and gaits as spans that are reworded, moved and inserted.
 
-Each edit answers another `InputRecording` and the first frame that it changes; `inputs.resimulated_take` makes the frames.
+Each edit returns another `InputRecording` and the first frame that it changes; `inputs.resimulated_take` makes the frames.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from runtime.takes.input_recording import InputFrame, InputFrames, InputRecordin
 from runtime.takes.metadata import PromptEvent, gait_of
 from runtime.takes.recorder import follows_live
 
-SETTLE_STEPS = 60  # before the clip, in which hands reach the place that new words give them
-SLIVER_FRAMES = 6  # shorter remains of a span under another one cannot be seen and go to their neighbour
-JUMP_FRAMES = 3  # as long as a key's press; the controller jumps on by itself
+SETTLE_STEPS = 60  # before the clip, in which hands reach the place given by a new prompt
+SLIVER_FRAMES = 6  # a shorter remainder of a covered span is invisible and is merged into its neighbour
+JUMP_FRAMES = 3  # length of a key press; the controller then jumps by itself
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class PromptSpan(Span):
 class GaitSpan(Span):
     """A requested gait with its duration; `Gait.STAND` if the stick is at rest."""
 
-    gait: int  # a `Gait`; -1 where it is not known
+    gait: int  # a `Gait`; -1 if unknown
 
 
 def prompt_spans(inputs: InputRecording) -> list[PromptSpan]:
@@ -87,7 +87,7 @@ def reworded(inputs: InputRecording, span: PromptSpan, style: StyleChange) -> Ed
     """
     if span.start > 0:
         return _with_styles(inputs, span.changes, [replace(style, frame=span.start)], span.start)
-    # a keyframe's own frame is made already
+    # a keyframe's own frame is already simulated
     at = max(-SETTLE_STEPS, inputs.start + 1) if inputs.start < 0 else 0
     styles = [change for change in inputs.changes if isinstance(change, StyleChange)]
     old = [c for c in styles if at <= c.frame and (c.frame <= 0 or any(c is own for own in span.changes))]
@@ -143,7 +143,7 @@ def prompts_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[Prom
     new = _changes_of(blocks, known)
     old = [change for span in spans for change in span.changes]
     first = known[blocks[0].of]
-    if first is not spans[0]:  # it comes into force before the clip, in the place of the first one
+    if first is not spans[0]:  # it takes effect before the clip, in place of the first one
         new = [*spans[0].changes, *(change for change in new if change.frame > 0)]
     changed = [c.frame for c in (*old, *new) if (c in old) is not (c in new)]
     edit = _with_styles(inputs, old, new, min(changed, default=len(inputs)))
@@ -151,7 +151,7 @@ def prompts_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[Prom
 
 
 def _changes_of(blocks: Sequence[Block], known: Sequence[PromptSpan]) -> list[StyleChange]:
-    """The changes of the spans that blocks have, moved to where these begin; what goes on behind another prompt is as it was in the end."""
+    """Return the style changes of blocks, moved to their starts; a part behind another prompt keeps the span's last change."""
     seen, new = set[int](), list[StyleChange]()
     for block in blocks:
         changes = known[block.of].changes[-1:] if block.of in seen else known[block.of].changes
@@ -197,7 +197,7 @@ def gaits_laid(inputs: InputRecording, gone: Sequence[int], put: Sequence[GaitSp
 
 
 def _requested(frame: InputFrame, gait: Gait, before: Iterable[InputFrame]) -> InputFrame:
-    """A frame with another gait; `before` are the frames before it, the last one first."""
+    """Return a frame with another gait; `before` are the frames before it, the last one first."""
     old = frame.controls
     if gait is Gait.STAND:
         requested = Controls((0.0, 0.0), old.facing, Gait.WALK)
@@ -209,7 +209,7 @@ def _requested(frame: InputFrame, gait: Gait, before: Iterable[InputFrame]) -> I
 
 
 def _pointed(before: Iterable[InputFrame]) -> tuple[float, float]:
-    """Where the stick pointed last, at full length; +Z when it never did."""
+    """Return the last direction of the stick, at full length; +Z if it was never moved."""
     for frame in before:
         x, z = frame.controls.move
         length = hypot(x, z)
@@ -222,7 +222,7 @@ def _with_styles(
     inputs: InputRecording, old: Sequence[StyleChange], new: Sequence[StyleChange], first: int
 ) -> Edit:
     kept = [change for change in inputs.changes if all(change is not gone for gone in old)]
-    # stable: the rest keeps its order
+    # stable: the others keep their order
     changes = tuple(sorted([*kept, *new], key=lambda change: change.frame))
     return Edit(replace(inputs, changes=changes), max(first, 0))
 

@@ -1,8 +1,8 @@
-"""The input that made a take: the stick of every frame and what changed, from which its frames can be made again.
+"""The input of a take: the stick of every frame and the changes, from which its frames can be resimulated.
 
-A take is resimulated by the recorded stick after an edit (`input_edits`): what lies before the edit stays as it is, bit
-by bit, and so does what follows when nothing was changed. Keyframes hold the controller's state every few seconds, so that
-no take has to be made again from its start.
+After an edit (`input_edits`) a take is resimulated with the recorded stick: frames before the edit stay bit-identical,
+and so do later ones if nothing was changed. Keyframes hold the controller's state every few seconds, so that
+no take has to be resimulated from its start.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from runtime.takes.metadata import PromptEvent, gait_seconds
 from runtime.takes.recorder import follows_live
 from runtime.terrain.height_map import Terrain
 
-KEYFRAME_STEPS = 120  # between two keyframes: 2 s are made again in about a quarter of a second
+KEYFRAME_STEPS = 120  # between two keyframes: 2 s are resimulated in about a quarter of a second
 
-COLUMNS = 8  # of a frame: stick x and z, facing x and z (NaN without), gait, temperature, strength, response
+COLUMNS = 8  # per frame: stick x and z, facing x and z (NaN if none), gait, temperature, strength, response
 MAX_SETTING = 10.0
 _NOWHERE = (math.nan, math.nan)
 
@@ -100,7 +100,7 @@ def are_asked(rows: NDArray[np.float64]) -> bool:
     move, facing, gait, settings = rows[:, :2], rows[:, 2:4], rows[:, 4], rows[:, 5:]
     turned = (np.abs(facing) <= MAX_STICK).all(axis=1) | np.isnan(facing).all(axis=1)
     return bool(
-        (np.abs(move) <= MAX_STICK).all()  # nor NaN
+        (np.abs(move) <= MAX_STICK).all()  # also rejects NaN
         and turned.all()
         and np.isin(gait, [float(each) for each in Gait]).all()
         and (np.abs(settings) <= MAX_SETTING).all()
@@ -189,7 +189,7 @@ class InputRecording:
     """
 
     frames: InputFrames
-    changes: tuple[Change, ...]  # in the order in which they happened
+    changes: tuple[Change, ...]  # in chronological order
     keyframes: tuple[Keyframe, ...]
 
     @property
@@ -283,13 +283,13 @@ def started(
 
 
 def _keep_state(keyframes: MutableSequence[Keyframe], number: int, controller: Steppable) -> None:
-    """Add a keyframe when it is time."""
+    """Add a keyframe if one is due."""
     if not keyframes or number - keyframes[-1].frame >= KEYFRAME_STEPS:
         keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
 
 
 def _changes_after(inputs: InputRecording, key: int, first_frame: int) -> dict[int, list[Change]]:
-    """The changes by frame that a keyframe's state does not hold: one of its own frame only where that is what was edited."""
+    """Return the changes by frame that a keyframe's state lacks: of its own frame only those that were edited."""
     later: dict[int, list[Change]] = {}
     for change in inputs.changes:
         again = key == first_frame == change.frame and isinstance(change, StyleChange)
@@ -306,7 +306,7 @@ def keyframe_for(inputs: InputRecording, frame: int) -> Keyframe:
 
 def _step(controller: Steppable, frame: InputFrame) -> Pose:
     controller.temperature, controller.response = frame.temperature, frame.response
-    if controller.strength != frame.strength:  # setting it folds the style anew
+    if controller.strength != frame.strength:  # setting it folds the style again
         controller.strength = frame.strength
     return controller.step(frame.controls)
 
@@ -329,8 +329,8 @@ def with_poses(clip: Clip, inputs: InputRecording, poses: Sequence[Pose], first_
     if poses:
         made = stacked(poses)
         if not are_poses(*made):  # a damaged state of a controller may lead anywhere
-            problem = "The take cannot be resimulated: what it was driven by leads to poses that are none."
-            raise FileError(problem, "Edit it at another place, or record it again.")
+            problem = "The take cannot be resimulated: its input leads to invalid poses."
+            raise FileError(problem, "Edit it elsewhere, or record it again.")
         parts = zip(clip.arrays, made, strict=True)
         clip = clip.posed(*(np.concatenate([kept[:first_frame], new]) for kept, new in parts))
     gaits = inputs.gaits()
@@ -345,7 +345,7 @@ class InputRecorder:
 
     def __init__(self) -> None:
         self._first = 0  # number of the oldest frame kept
-        self._numbers = array("d")  # of the frames kept: `COLUMNS` each
+        self._numbers = array("d")  # `COLUMNS` numbers per frame kept
         self._changes: list[Change] = []
         self._keyframes: deque[Keyframe] = deque()
 
@@ -397,7 +397,7 @@ class InputRecorder:
             self._changes = self._still_holding(first) + [c for c in self._changes if c.frame > first]
 
     def _still_holding(self, frame: int) -> list[Change]:
-        """The last style and ground up to a frame."""
+        """Return the last style and ground up to a frame."""
         last = {type(c): c for c in self._changes if c.frame <= frame and not isinstance(c, Restart)}
         return list(last.values())
 
@@ -412,7 +412,7 @@ class InputRecorder:
         return None if first_frame < self._first else self._since(first_frame).rows
 
     def _since(self, number: int) -> InputFrames:
-        """The kept frames from a number on."""
+        """Return the kept frames from a number on."""
         numbers = np.array(self._numbers[(number - self._first) * COLUMNS :])
         return InputFrames(numbers.reshape(-1, COLUMNS))
 

@@ -1,7 +1,7 @@
-"""Takes one after the other: the seam is inertialised, and a foot that stands keeps its place.
+"""Joins takes: the seam is inertialised, and standing feet keep their place.
 
-Inertialization (Bollo, GDC 2018): the second take is turned and moved to where the first one ends; what is left between
-their poses is an offset, which goes to zero with the velocity that it has.
+Inertialization (Bollo, GDC 2018): the second take is rotated and moved to the end of the first; the remaining difference
+between their poses is an offset that decays to zero from its initial velocity.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from runtime.takes.metadata import UNKNOWN, PromptEvent, gait_seconds
 from runtime.takes.root import SMOOTHING_S, Placement, root_track, smooth
 from runtime.terrain.height_map import Terrain
 
-BLEND_S = 0.4  # in which the body's offset goes to zero
-STEP_S = 0.3  # of its time in the air in which a foot comes to its own place
-SAME_TOLERANCE = 1e-4  # metres and parts of a quaternion within which pieces of one take meet
-HELD_M = 0.2  # farther from where the second take has it, a foot that stands takes a step
-LIFT_FRACTION, MAX_LIFT_M = 0.2, 0.06  # of such a step, over its length
-MAX_GAP_M_PER_S, MAX_GAP_RAD_PER_S = 2.0, 6.0  # of an offset at the seam
+BLEND_S = 0.4  # in which the body's offset decays
+STEP_S = 0.3  # of its time in the air, in which a foot moves to its own place
+SAME_TOLERANCE = 1e-4  # metres and quaternion components within which pieces of one take meet
+HELD_M = 0.2  # a standing foot farther from its place in the second take makes a step
+LIFT_FRACTION, MAX_LIFT_M = 0.2, 0.06  # of such a step, relative to its length
+MAX_GAP_M_PER_S, MAX_GAP_RAD_PER_S = 2.0, 6.0  # limits of an offset's velocity at the seam
 
 
-Grounds = tuple[Terrain, Terrain]  # of the first clip, on which the result walks, and of the second
+Grounds = tuple[Terrain, Terrain]  # of the first clip, which is also the result's, and of the second
 
 
 def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
@@ -42,7 +42,7 @@ def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
     With `grounds`, the feet of the second clip keep their heights over the ground. Raises UsageError for different body sizes.
     """
     if first.size != second.size:
-        raise UsageError("The takes are of bodies of different sizes.", "Join takes of one character.")
+        raise UsageError("The takes have different body sizes.", "Join takes of one character.")
     second = second.resampled(first.fps)
     same = _meet(first, second)
     if not same and min(len(first), len(second)) > 1:
@@ -62,14 +62,14 @@ def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
 
 
 def _prompts(first: Clip, second: Clip) -> tuple[PromptEvent, ...]:
-    """The prompts of both clips, without those that follow one of the same words."""
+    """Return the prompts of both clips, without repetitions."""
     later = (replace(event, seconds=event.seconds + first.seconds) for event in second.prompts)
     alike = groupby([*first.prompts, *later], attrgetter("prompt", "words"))
     return tuple(next(events) for _, events in alike)
 
 
 def _meet(first: Clip, second: Clip) -> bool:
-    """Whether the second begins in the pose and place in which the first ends."""
+    """Whether the second clip begins in the pose and place in which the first ends."""
     return np.allclose(
         second.hips_positions[0], first.hips_positions[-1], atol=SAME_TOLERANCE
     ) and np.allclose(second.local_rotations[0], first.local_rotations[-1], atol=SAME_TOLERANCE)
@@ -86,13 +86,13 @@ def without(clip: Clip, first: int, last: int, ground: Terrain | None = None) ->
     kept = [clip.trim(0, first)] if first > 0 else []
     kept += [clip.trim(last, len(clip) - 1)] if last < len(clip) - 1 else []
     if not kept:
-        raise UsageError("Nothing would be left.", "Trim to the frames that are to be cut out.")
+        raise UsageError("Nothing would be left.", "Trim to the frames to cut out.")
     grounds = None if ground is None else (ground, ground)
     return joined(kept[0], kept[1], grounds) if len(kept) == 2 else kept[0]
 
 
 def _placed(first: Clip, second: Clip, grounds: Grounds | None) -> Clip:
-    """The second clip, turned and moved so that its root goes on from where the first one's ends, on that ground."""
+    """Return the second clip, rotated and moved so that its root continues the first one's, on that ground."""
     before, after = root_track(first), root_track(second)
     turn = float(before.yaw[-1] - after.yaw[0])
     turned = Placement(turn).points(after.positions[0])
@@ -102,7 +102,7 @@ def _placed(first: Clip, second: Clip, grounds: Grounds | None) -> Clip:
 
 
 def _on_ground(moved: Clip, before: Clip, grounds: Grounds) -> Clip:
-    """A clip that was moved, with its feet as high over the first ground as they were `before` over the second."""
+    """Return a moved clip with its feet as high above the first ground as they were `before` above the second."""
     (places, turns), was = moved.world(), before.world()[0][:, LEG_FEET].astype(np.float64)
     ankles, feet = places[:, LEG_FEET].astype(np.float64), turns[:, LEG_FEET].astype(np.float64)
     now, own = (ground.seen_by(moved.size) for ground in grounds)
@@ -121,7 +121,7 @@ def _on_ground(moved: Clip, before: Clip, grounds: Grounds) -> Clip:
 
 
 def _continued(first: Clip, second: Clip) -> Clip:
-    """The second clip from the pose and the velocity of the first one's end."""
+    """Return the second clip continued from the pose and velocity at the end of the first."""
     fps = first.fps
     frames = np.arange(len(second)) / fps
     old, new = first.local_rotations[-2:].astype(np.float64), second.local_rotations.astype(np.float64)
@@ -136,7 +136,7 @@ def _continued(first: Clip, second: Clip) -> Clip:
 
 
 def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
-    """The second clip with other hips and rotations, whose feet stand where they stood, and come to their places in steps."""
+    """Return the second clip with new hips and rotations; standing feet are held, and step to their places."""
     fps, now = first.fps, second.local_rotations.astype(np.float64)
     (old, old_turns), (at, turns) = first.trim(len(first) - 2, len(first) - 1).world(), second.world()
     ankles, feet = at[:, LEG_FEET].astype(np.float64), turns[:, LEG_FEET].astype(np.float64)
@@ -170,7 +170,7 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
 
 
 def _time_in_air(stands: NDArray[np.bool_], steps: bool) -> Array:
-    """Frames `(T,)` that a foot had for its way: those in which it does not stand, or `steps` at once."""
+    """Return the frames `(T,)` that a foot had to move: those off the ground, or `steps` at once."""
     free = ~stands
     if steps:
         first_swing = int(np.argmax(free)) if free.any() else len(free)
@@ -179,20 +179,20 @@ def _time_in_air(stands: NDArray[np.bool_], steps: bool) -> Array:
 
 
 def _decay(t: Array) -> tuple[Array, Array]:
-    """What is left at times `(T,)` of 0 to 1 of an offset of 1 at rest, and of one of 0 with a velocity of 1 (quintics)."""
+    """Return the rest at times `(T,)` in 0 to 1 of an offset of 1 at rest, and of an offset of 0 with velocity 1 (quintics)."""
     t = np.clip(t, 0.0, 1.0)
     rest = (1.0 - t) ** 3
     return rest * (1.0 + 3.0 * t + 6.0 * t * t), rest * t * (1.0 + 3.0 * t)
 
 
 def _gap(old: Array, new: Array, fps: float) -> tuple[Array, Array]:
-    """Between the last of two places `(2, 3)` and the first of the new ones: the offset, and its velocity, limited."""
+    """Return the offset from the last of two positions `(2, 3)` to the first of the new ones, and its velocity, limited."""
     speed = ((old[1] - old[0]) - (new[1] - new[0])) * fps
     return old[1] - new[0], _limited(speed, MAX_GAP_M_PER_S)
 
 
 def _turn_gap(old: Array, new: Array, fps: float) -> tuple[Array, Array]:
-    """The same of rotations `(2, ..., 4)`, as rotation vectors on the parent's side."""
+    """Return the same for rotations `(2, ..., 4)`, as rotation vectors on the parent's side."""
 
     def between(a: Array, b: Array) -> Array:
         return rotations.to_rotation_vector(rotations.multiply(b, rotations.inverse(a)))

@@ -1,7 +1,7 @@
-"""Curves through the keys of a take's pose layer and camera, and edits of single keys on them.
+"""Animation curves of a take's pose layer and camera, and edits of single keys.
 
-A channel is one number of a curve: an axis of a joint's turn or shift, or a number of the camera. Its values are in the
-units that an animator reads: degrees, centimetres, and metres for the camera.
+A channel is one component of a curve: an axis of a joint's rotation or offset, or a camera parameter. Its values are
+in an animator's units: degrees, centimetres, and metres for the camera.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Channel(NamedTuple):
     """One component of an animation curve."""
 
     curve: Curve
-    joint: int  # of the skeleton; -1 of the camera
+    joint: int  # of the skeleton; -1 for the camera
     axis: int  # of `POSE_AXES` or `CAMERA_AXES`
 
     @property
@@ -183,7 +183,7 @@ class KeyedCurves:
 
 
 def _by_curve(chosen: Collection[CurveKey]) -> dict[tuple[Curve, int, int], list[int]]:
-    """Axes by curve, joint and frame, in the order of time."""
+    """Return axes by curve, joint and frame, in order of time."""
     found: dict[tuple[Curve, int, int], list[int]] = {}
     for (curve, joint, axis), frame in sorted(chosen, key=lambda key: (key.frame, key.channel)):
         found.setdefault((curve, joint, frame), []).append(axis)

@@ -1,4 +1,4 @@
-"""The best cycle of a steady walk, and its two ends blended into one pose so that it can be played without end."""
+"""Loops: the best cycle of a steady walk, with its two ends blended into one pose."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from runtime.takes.root import RootTrack
 
 MIN_CYCLE_S, MAX_CYCLE_S = 0.5, 3.0
 MIN_SPEED_M_PER_S = 0.15  # of the root in a cycle
-VELOCITY_S = 0.1  # a metre a second of difference counts as much as this many metres
-SOLE_WEIGHT = 4.0  # of the height of ankles and toes: a foot that stands is to stand as high at both ends
-NEAR_CYCLE_FACTOR = 1.15  # cycles whose lengths differ by less have as many strides
-# the shortest cycle within this factor of the best one is taken: one cycle, not two
+VELOCITY_S = 0.1  # weight of velocity: a difference of 1 m/s counts as this many metres
+SOLE_WEIGHT = 4.0  # of ankle and toe heights, so that standing feet match at both ends
+NEAR_CYCLE_FACTOR = 1.15  # cycles whose lengths differ by less have the same number of strides
+# the shortest cycle whose cost is within this factor of the best: one cycle, not two
 NEARLY_BEST_FACTOR = 1.25
-MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # of ends that can be blended
-MAX_STARTS = 1800  # first frames that are compared
-SWING_FRACTION = 0.35  # of a foot's highest speed: above it, it swings
+MAX_ENDS_M, MAX_ENDS_RAD = 0.15, np.deg2rad(40.0)  # limits of two ends that can be blended
+MAX_STARTS = 1800  # limit of first frames that are compared
+SWING_FRACTION = 0.35  # of a foot's highest speed, above which it is in swing
 _LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
 _REMEDY = "Record, or choose as the range, at least two full cycles of a steady walk in one style."
 
@@ -40,7 +40,7 @@ def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, Root
     first, last = find_cycle(clip, root, strides)
     cycle, track = clip.trim(first, last), root.cut(first, last)
     ends_m, ends_radians = seam_error(cycle, track)
-    if ends_m > MAX_ENDS_M or ends_radians > MAX_ENDS_RADIANS:
+    if ends_m > MAX_ENDS_M or ends_radians > MAX_ENDS_RAD:
         gap = f"{ends_m * 100:.0f} cm and {np.rad2deg(ends_radians):.0f} degrees"
         raise UsageError(f": no steady walk; the most similar frames are {gap} apart.", _REMEDY, "loop")
     closed = close_seam(cycle, track)
@@ -66,7 +66,7 @@ def find_cycle(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[int, int]
 
 
 def _best_cycle(clip: Clip, root: RootTrack, least: int, most: int, nearly: float) -> tuple[int, int]:
-    """The shortest cycle of `least` to `most` frames whose cost is at most `nearly` times the best one's."""
+    """Return the shortest cycle of `least` to `most` frames whose cost is at most `nearly` times the best one's."""
     lags = np.arange(least, min(most, len(clip) - 3) + 1)
     if len(lags) == 0:
         problem = f": the range lasts {clip.seconds:.1f} s, and {least / clip.fps:.1f} s are needed."
@@ -86,14 +86,14 @@ def _best_cycle(clip: Clip, root: RootTrack, least: int, most: int, nearly: floa
         raise UsageError(": the character does not walk in this range.", _REMEDY, "loop")
     good = costs <= costs.min() * nearly + 1e-4
     shortest = np.flatnonzero(good)[0]
-    # the best of that cycle's neighbours
+    # the best neighbour of that cycle
     near = np.flatnonzero(good & (lags <= lags[shortest] * NEAR_CYCLE_FACTOR))
     best = near[np.argmin(costs[near])]
     return int(starts[best]), int(starts[best] + lags[best])
 
 
 def _shape(clip: Clip, root: RootTrack) -> Array:
-    """Joints as the root sees them and their velocities `(T, 31, 6)`, weighed against each other."""
+    """Return joints relative to the root and their weighted velocities `(T, 31, 6)`."""
     positions, _ = clip.world()
     positions = positions.astype(np.float64)
     velocities = np.gradient(positions, axis=0) * clip.fps * VELOCITY_S
@@ -133,7 +133,7 @@ def close_seam(cycle: Clip, root: RootTrack) -> Clip:
     positions, world = cycle.world()
     n = len(cycle) - 1
     body = smoothstep(np.arange(n + 1) / n)
-    turn = rotations.from_yaw(root.yaw[-1] - root.yaw[0])  # of the first frame into the place of the last
+    turn = rotations.from_yaw(root.yaw[-1] - root.yaw[0])  # from the first frame to the last
 
     def goal(points: Array) -> Array:
         return root.positions[-1] + rotations.rotate(turn, points - root.positions[0])
@@ -171,19 +171,19 @@ def led_legs(body: Pair, feet: Pair, old_body: Pair, old_feet: Pair) -> Array:
 
 
 def _toward(q: Array, wanted: Array, fraction: Array) -> Array:
-    """Rotations `(T, n, 4)` with what the last frame lacks to `wanted` `(n, 4)` added by `fraction` `(T, n)`, from the right."""
+    """Return rotations `(T, n, 4)` with a `fraction` `(T, n)` of the last frame's error to `wanted` `(n, 4)` added from the right."""
     lacks = rotations.to_rotation_vector(rotations.multiply(rotations.inverse(q[-1]), wanted))
     return rotations.multiply(q, rotations.from_rotation_vector(fraction[..., None] * lacks))
 
 
 def _world_toward(q: Array, wanted: Array, fraction: Array) -> Array:
-    """The same from the left: about axes of the world."""
+    """Return the same with the difference applied from the left, about world axes."""
     lacks = rotations.to_rotation_vector(rotations.multiply(wanted, rotations.inverse(q[-1])))
     return rotations.multiply(rotations.from_rotation_vector(fraction[..., None] * lacks), q)
 
 
 def _swing_ease(positions: Array, ankle: int, toe: int) -> Array:
-    """From 0 to 1 over the longest stretch `(T,)` in which neither ankle nor toe of a foot rests."""
+    """Return an ease from 0 to 1 `(T,)` over the longest stretch in which neither ankle nor toe of a foot rests."""
     way = np.linalg.norm(np.diff(positions[:, [ankle, toe]][..., [0, 2]].astype(np.float64), axis=0), axis=-1)
     speed = way.min(axis=1)
     swings = stretches(speed > SWING_FRACTION * max(float(speed.max()), 1e-6))

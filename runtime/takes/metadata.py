@@ -1,4 +1,4 @@
-"""What a take was made with: model, seed, prompts and gaits, and the same from JSON that is not trusted."""
+"""The origin of a take: model, seed, prompts and gaits, also read from untrusted JSON."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class LoopReport:
 
 
 UNKNOWN = Origin()
-UNMOVED = (0.0, 0.0, 0.0, 0.0)  # a take that stands where it was made
+UNMOVED = (0.0, 0.0, 0.0, 0.0)  # a take at its original place
 
 
 def origin_of(controller: Any, terrain: str) -> Origin:
@@ -142,7 +142,7 @@ def title(event: PromptEvent, most: int = 60) -> str:
 
     try:
         words = read_words(event.prompt)
-    except SportError:  # of a file that was written by hand
+    except SportError:  # in a hand-written file
         words = event.prompt
     if isinstance(words, BlendedPrompt):
         words = " + ".join(w if isinstance(w, str) else "own words" for w in (words.a, words.b))
@@ -178,7 +178,7 @@ def event_from(value: dict[str, Any]) -> PromptEvent:
 
 
 def _words(value: Any) -> str:
-    """The JSON text of the words of an event; "" where they are none that could be written again."""
+    """Return the JSON text of an event's words; "" if they are invalid."""
     try:
         words = json.dumps(value, ensure_ascii=False) if isinstance(value, dict) else ""
     except RecursionError:

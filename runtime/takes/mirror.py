@@ -1,4 +1,4 @@
-"""The mirror image of a take: left becomes right, in the motion and in its words."""
+"""The mirror image of a take: left becomes right, in the motion and in its prompts."""
 
 from __future__ import annotations
 

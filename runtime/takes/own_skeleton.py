@@ -1,4 +1,4 @@
-"""The points of a motion of another skeleton, as they are before ours plays it: to look at with it, and to keep."""
+"""The original skeleton of a retargeted motion as points, to show beside it and to store."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from runtime.arrays import Array
 
 MAX_POINTS = 1024  # joints and the ends of their bones
-STEP_M = 0.0005  # what is kept of a place
-_REACH_M = 16.0  # of a point from the middle, in what is kept
+STEP_M = 0.0005  # resolution of a stored position
+_REACH_M = 16.0  # range of a point from the middle, when stored
 
 
 @dataclass(frozen=True, eq=False)
 class OwnSkeleton:
     """The joint and bone-end positions `(T, K, 3)` float32 (metres) of the original skeleton of a retargeted clip, at its rate."""
 
-    parents: tuple[int, ...]  # of each point the one before it, -1 where there is none
+    parents: tuple[int, ...]  # index of each point's parent, -1 without one
     points: Array
 
     def sample(self, frame: float) -> Array:

@@ -1,6 +1,6 @@
-"""Poses bent to their pins: two-bone IK of arms and legs, a spine that leans to reach, a head that turns, poses that stay.
+"""Applies pins to poses: two-bone IK of arms and legs, a leaning spine, a turning head, held poses.
 
-The network's motion goes on underneath: where no pin holds, frames are bit by bit as they were.
+The network's motion continues underneath: frames without a pin stay bit-identical.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from runtime.takes.pins import Pin, Pinned
 
 ARMS = {Pinned.LEFT_HAND: (18, 19, 20), Pinned.RIGHT_HAND: (25, 26, 27)}  # upper arm, forearm, hand
 FEET = (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
-CHUNK_FRAMES = 2048  # that are bent together: what is made on the way stays small
+CHUNK_FRAMES = 2048  # processed together, which limits memory
 ARM_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[19, 20]], axis=1).sum())
 LEG_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[3, 4]], axis=1).sum())
 CHEST, HEAD = 13, 16
 SPINE = ((11, 1 / 3), (12, 1 / 3), (13, 1 / 3))  # joints that lean together, with their fractions
 ORDER = (Pinned.POSE, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK, Pinned.LEFT_HAND, Pinned.RIGHT_HAND)
 NECK = ((14, 0.3), (15, 0.3), (16, 0.4))  # joints that turn to look, with their fractions
-# of its length: from the first on an arm straightens with falling speed
+# of its length: from the first on, an arm extends with falling speed
 EASY_ARM_FRACTION, MAX_ARM_FRACTION = 0.94, 0.995
-# of its length, and how far the hips sink so that a leg is not longer
+# of its length, and limit of the hips' lowering for a leg out of reach
 EASY_LEG_FRACTION, MAX_DROP_M = 0.985, 0.2
 MAX_LEAN_RAD = np.radians(60.0)  # of the spine, to bring a hand nearer
-LETS_GO_REACHES = (1.9, 2.6)  # reaches of an arm from the shoulder: a hand begins to give a point up, and has
-FOOT_LETS_GO_LENGTHS = (1.02, 1.3)  # lengths of a leg from the hip
-LOOKS_AWAY_RAD = np.radians((90.0, 150.0))  # so far behind, the head begins to give a point up, and has
+RELEASE_ARM_LENGTHS = (1.9, 2.6)  # where a hand begins to let go, and has let go
+RELEASE_LEG_LENGTHS = (1.02, 1.3)  # in leg lengths from the hip, likewise
+RELEASE_LOOK_RAD = np.radians((90.0, 150.0))  # where the head begins to let go, and has let go
 MAX_TURN_RAD = np.radians(75.0)  # of the head
-POLE_M = 0.03  # an elbow less far out of its line than this bends towards down and back
+POLE_M = 0.03  # an elbow closer to the shoulder-hand line bends down and back
 UPPER_BODY = tuple(j for part in ("torso", "left_arm", "right_arm", "head") for j in PART_JOINTS[part] if j)
 World = tuple[Array, Array]  # positions (T, 31, 3) and rotations (T, 31, 4) of joints
 _FORWARD = np.array([0.0, 0.0, 1.0])
@@ -140,7 +140,7 @@ def along_with(point: Array, hips: Array, hips_rotation: Array) -> Array:
 
 
 def _bend(frames: _Frames, pin: Pin, weights: Array, flat: Array | None = None) -> None:
-    """Bend frames to a pin; `flat` `(4,)`: the heading of a pinned foot, where that is of other frames too."""
+    """Bend frames to a pin; `flat` `(4,)` is the heading of a pinned foot, if it also depends on other frames."""
     seen = frames.world()
     goals = _goals(pin, frames, *seen)
     if pin.what is Pinned.LOOK:
@@ -152,7 +152,7 @@ def _bend(frames: _Frames, pin: Pin, weights: Array, flat: Array | None = None) 
 
 
 def _goals(pin: Pin, frames: _Frames, positions: Array, world: Array) -> Array:
-    """Where the pinned joint is to be in each frame `(T, 3)`."""
+    """Return the target positions of the pinned joint `(T, 3)`."""
     place, *rail = in_world(pin, frames.hips, world[:, 0])
     points = np.broadcast_to(place, (len(positions), 3))
     for end in rail:
@@ -171,7 +171,7 @@ def _joint(what: Pinned) -> int:
 
 
 def _hold_pose(frames: _Frames, pose: Array, weights: Array) -> None:
-    """Arms, spine and head as in another frame; the legs walk on."""
+    """Hold arms, spine and head as in another frame; the legs walk on."""
     joints = list(UPPER_BODY)
     frames.local[:, joints] = rotations.slerp(
         frames.local[:, joints], pose[None, joints].astype(float), weights[:, None]
@@ -184,7 +184,7 @@ def _look(frames: _Frames, seen: World, goals: Array, weights: Array) -> None:
     wanted = rotations.normalize(goals - positions[:, HEAD])
     chest = rotations.rotate(world[:, CHEST], _FORWARD)
     off = np.arccos(np.clip(np.sum(chest * wanted, -1), -1.0, 1.0))
-    weights = weights * _falls(off, *LOOKS_AWAY_RAD)
+    weights = weights * _falls(off, *RELEASE_LOOK_RAD)
     turn = rotations.to_rotation_vector(rotations.between(facing, wanted))
     angle = np.linalg.norm(turn, axis=-1, keepdims=True)
     turn = turn * weights[:, None] * np.minimum(1.0, MAX_TURN_RAD / np.maximum(angle, 1e-9))
@@ -192,10 +192,10 @@ def _look(frames: _Frames, seen: World, goals: Array, weights: Array) -> None:
 
 
 def _reach(frames: _Frames, seen: World, goals: Array, weights: Array, what: Pinned) -> None:
-    """A hand to its goal; the spine leans where the arm is too short, and the hand lets go of what is far too far."""
+    """Move a hand to its goal; the spine leans if the arm is too short, and the hand releases a goal far out of reach."""
     (positions, world), (shoulder, elbow, hand) = seen, ARMS[what]
     distance = np.linalg.norm(goals - positions[:, shoulder], axis=-1)
-    weights = weights * _falls(distance / ARM_M, *LETS_GO_REACHES)
+    weights = weights * _falls(distance / ARM_M, *RELEASE_ARM_LENGTHS)
     own = np.linalg.norm(positions[:, hand] - positions[:, shoulder], axis=-1)
     for _ in range(3):
         lack = distance - np.maximum(own, EASY_ARM_FRACTION * ARM_M)
@@ -222,7 +222,7 @@ def _reach(frames: _Frames, seen: World, goals: Array, weights: Array, what: Pin
 
 
 def _between_reaches(now: Array, goal: Array, length: Array, weights: Array) -> Array:
-    """From the shoulder `(T, 3)` on the way from `now` to `goal`, of a `length`: around the shoulder, not through the body."""
+    """Return positions on an arc around the shoulder `(T, 3)` from `now` to `goal`, `length` away, not through the body."""
     turn = rotations.between(rotations.normalize(now), rotations.normalize(goal))
     way = rotations.slerp(np.broadcast_to(rotations.identity(), turn.shape), turn, weights)
     span = np.linalg.norm(now, axis=-1)
@@ -231,7 +231,7 @@ def _between_reaches(now: Array, goal: Array, length: Array, weights: Array) -> 
 
 
 def _elbow_pole(positions: Array, world: Array, shoulder: int, elbow: int, hand: int) -> Array:
-    """Where the elbow is to bend: where it does, and down and back where the arm is all but straight."""
+    """Return the elbow's direction: its own, or down and back if the arm is nearly straight."""
     axis = rotations.normalize(positions[:, hand] - positions[:, shoulder])
     bend = positions[:, elbow] - positions[:, shoulder]
     bend = bend - np.sum(bend * axis, -1, keepdims=True) * axis
@@ -241,7 +241,7 @@ def _elbow_pole(positions: Array, world: Array, shoulder: int, elbow: int, hand:
 
 
 def _foot_heading(made: _Frames, pin: Pin, parts: Sequence[slice], weights: Array) -> Array:
-    """The heading `(4,)` of a pinned foot in the middle of the frames in which it is held."""
+    """Return the heading `(4,)` of a pinned foot in the middle of the frames in which it is held."""
     side = FEET.index(pin.what)
     bearing, headings = [], []
     for part in parts:
@@ -253,9 +253,9 @@ def _foot_heading(made: _Frames, pin: Pin, parts: Sequence[slice], weights: Arra
 
 
 def _bearing(positions: Array, goals: Array, weights: Array, side: int) -> Array:
-    """Weights `(T,)` of a foot on its mark: it lets go of one that the leg does not reach."""
+    """Return weights `(T,)` of a foot on its mark, which it releases if the leg cannot reach it."""
     return weights * _falls(
-        np.linalg.norm(goals - positions[:, 2 + 5 * side], axis=-1) / LEG_M, *FOOT_LETS_GO_LENGTHS
+        np.linalg.norm(goals - positions[:, 2 + 5 * side], axis=-1) / LEG_M, *RELEASE_LEG_LENGTHS
     )
 
 
@@ -268,7 +268,7 @@ def _heading(yaws: Array, weights: Array) -> Array:
 def _step_on(
     frames: _Frames, seen: World, goals: Array, weights: Array, side: int, flat: Array | None
 ) -> None:
-    """A foot flat on its mark, bearing."""
+    """Plant a foot flat on its mark."""
     positions, world = seen
     hip, ankle = positions[:, 2 + 5 * side], positions[:, LEG_FEET[side]]
     weights = _bearing(positions, goals, weights, side)
@@ -298,12 +298,12 @@ def drop_to(hip: Array, ankle: Array) -> Array:
 
 
 def _smooth_positive(value: Array, width: float) -> Array:
-    """The positive part, with no corner at zero."""
+    """The positive part, smoothed at zero."""
     return 0.5 * (value + np.sqrt(value * value + width * width))
 
 
 def _soft_arm(distance: Array, now: Array) -> Array:
-    """How far an arm that is `now` `(T, 3)` stretches towards a goal at a distance: straighter than that it becomes slowly."""
+    """Return how far an arm extended to `now` `(T, 3)` reaches towards a goal: near straight it extends with falling speed."""
     easy, room = EASY_ARM_FRACTION * ARM_M, (MAX_ARM_FRACTION - EASY_ARM_FRACTION) * ARM_M
     over = np.maximum(distance - easy, 0.0)
     soft = np.where(over > 0.0, easy + room * (1.0 - np.exp(-over / room)), distance)
@@ -311,7 +311,7 @@ def _soft_arm(distance: Array, now: Array) -> Array:
 
 
 def _turn(frames: _Frames, world: Array, chain: Sequence[tuple[int, float]], turn: Array) -> None:
-    """Turn the joints of a chain by their fractions of rotation vectors of the world `(T, 3)`, each with those below it."""
+    """Rotate the joints of a chain by their fractions of world rotation vectors `(T, 3)`, each with its descendants."""
     angle, axis = np.linalg.norm(turn, axis=-1), rotations.normalize(turn)
     turned, total = world[:, SPORT_SKELETON.parents[chain[0][0]]], 0.0
     for joint, fraction in chain:
@@ -323,7 +323,7 @@ def _turn(frames: _Frames, world: Array, chain: Sequence[tuple[int, float]], tur
 
 
 def _falls(value: Array, begins: float, ends: float) -> Array:
-    """1 up to `begins`, smoothly down to 0 at `ends`."""
+    """1 up to `begins`, easing to 0 at `ends`."""
     return 1.0 - smoothstep((value - begins) / (ends - begins))
 
 

@@ -1,4 +1,4 @@
-"""Pins: a hand or foot at a point, a look at one, a pose that stays, from one time to another, and pins as text.
+"""Pins: a hand or foot held at a point, a look at a point, or a held pose, for a time; also as text.
 
 "left hand 0.3 1.1 0.4 from 2 to 4" is a pin; `runtime.takes.pinned` bends the poses.
 """
@@ -19,7 +19,7 @@ from runtime.errors import UsageError
 DEFAULT_EASE_S = 0.3
 MAX_TIME_S, MAX_COORDINATE_M, MAX_EASE_S = 36_000.0, 100_000.0, 60.0
 MAX_PINS = 1000
-KEPT_S = 3600.0  # that the rolling memory may hold
+KEPT_S = 3600.0  # length of the rolling memory
 FORM = 'Write "left hand 0.3 1.1 0.4 from 2 to 4", "look 0 1.6 5 from 0 to 3" or "pose 1.5 from 2 to 3".'
 
 
@@ -31,7 +31,7 @@ class Pinned(StrEnum):
     LEFT_FOOT = "left foot"
     RIGHT_FOOT = "right foot"
     LOOK = "look"
-    POSE = "pose"  # of arms, spine and head
+    POSE = "pose"  # arms, spine and head
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def _point(text: str | None) -> tuple[float, float, float] | None:
     return x, y, z
 
 
-# --- pins of the live character: in seconds of the program's own count of frames, a held one ends at `MAX_TIME_S`
+# --- pins of the live character: in seconds since the program's start; a held one ends at `MAX_TIME_S`
 
 
 def held_pins(pins: Sequence[Pin]) -> tuple[Pin, ...]:

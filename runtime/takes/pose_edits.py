@@ -1,4 +1,4 @@
-"""What is done to the poses of a take over the motion that was driven: plants of the feet, the pose layer, then pins. Nothing is baked in."""
+"""Pose edits of a take, applied to its simulated motion without changing it: footplants, the pose layer, then pins."""
 
 from __future__ import annotations
 

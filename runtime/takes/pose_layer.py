@@ -1,8 +1,8 @@
-"""The pose layer of a take: keyed turns of joints, and shifts of hips and feet, added to the motion below.
+"""The pose layer of a take: keyframed joint rotations, and offsets of hips and feet, added to the motion below.
 
-Every joint has a curve of its own through the keys that hold a value for it, so that a head turned at 2 s and a hand raised
-at 8 s know nothing of each other. A curve eases in before its first key and out after its last one. Legs are solved to
-the feet: where the hips move, the feet stay planted.
+Every joint has its own curve through the keys that have a value for it, so that a head turned at 2 s and a hand raised
+at 8 s are independent. A curve eases in before its first key and out after its last one. Legs are solved by IK:
+when the hips move, the feet stay planted.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from runtime.takes.clip import Clip
 from runtime.takes.pinned import LEG_M
 
 HIPS = 0
-MOVED = (HIPS, *LEG_FEET.tolist())  # joints that are shifted; every joint can be turned
+MOVED = (HIPS, *LEG_FEET.tolist())  # joints with offsets; every joint can be rotated
 HANDS = {20: (18, 19), 27: (25, 26)}  # hand: upper arm and forearm
 ELBOWS = {19: (18, 20), 26: (25, 27)}  # forearm: upper arm and hand
 KNEES = {3: (2, 4), 8: (7, 9)}  # shin: thigh and foot
 DEFAULT_EASE_S, MAX_EASE_S, MAX_TIME_S = 0.3, 60.0, 36_000.0
 MAX_KEYS = 1000
-CHUNK_FRAMES = 2048  # that are posed together: what is made on the way stays small
-APART_S = 1e-6  # of two keys: a curve between nearer ones overflows
-MAX_TURN, MAX_MOVE_M = 7.0, 10.0  # radians, metres
+CHUNK_FRAMES = 2048  # processed together, which limits memory
+APART_S = 1e-6  # minimum distance of two keys: a curve between nearer ones would overflow
+MAX_TURN_RAD, MAX_MOVE_M = 7.0, 10.0  # radians, metres
 REMEDY = "Undo, or delete the key and set it again."
 
 
@@ -41,7 +41,7 @@ class Curve(StrEnum):
 
     TURN = "turn"  # of a joint
     MOVE = "move"  # of hips or a foot
-    CAMERA = "camera"  # which a pose has not
+    CAMERA = "camera"  # not part of a pose
 
 
 POSE_CURVES = (Curve.TURN, Curve.MOVE)
@@ -50,10 +50,10 @@ POSE_CURVES = (Curve.TURN, Curve.MOVE)
 class Tangent(StrEnum):
     """How a curve passes through a key."""
 
-    SMOOTH = "smooth"  # without overshoot: flat where the curve turns back
+    SMOOTH = "smooth"  # without overshoot: flat at extrema
     FLAT = "flat"
     LINEAR = "linear"  # straight to the next key
-    STEP = "step"  # the value stays until the next key
+    STEP = "step"  # constant until the next key
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class JointValue:
 
 
 def _fit(values: Sequence[JointValue], joints: Collection[int], limit: float) -> bool:
-    """Whether the values are of these joints, one of each, and none is larger than a limit."""
+    """Whether the values belong to these joints, one per joint, within a limit."""
     named = {value.joint for value in values}
     largest = np.abs([value.vector for value in values]).max(initial=0.0)
     return named <= set(joints) and len(named) == len(values) and bool(largest <= limit)
@@ -88,9 +88,9 @@ class PoseKey:
     tangent: Tangent = Tangent.SMOOTH
 
     def __post_init__(self) -> None:
-        turns = _fit(self.turns, range(J), MAX_TURN)
+        turns = _fit(self.turns, range(J), MAX_TURN_RAD)
         if not (turns and _fit(self.moves, MOVED, MAX_MOVE_M) and 0.0 <= self.seconds <= MAX_TIME_S):
-            raise UsageError(f"A pose key at {self.seconds:g} s with values of no body.", REMEDY)
+            raise UsageError(f"A pose key at {self.seconds:g} s with invalid values.", REMEDY)
 
     def __bool__(self) -> bool:
         return bool(self.turns or self.moves)
@@ -121,7 +121,7 @@ class PoseKey:
         return replace(self, turns=kept) if curve is Curve.TURN else replace(self, moves=kept)
 
 
-Point = tuple[PoseKey, Array]  # of a joint's curve: the key, and the value (3,)
+Point = tuple[PoseKey, Array]  # of a joint's curve: the key, and its value (3,)
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class PoseLayer:
             problem = f"A pose layer that eases in {self.ease_in:g} and {self.ease_out:g} s."
             raise UsageError(problem, f"Choose 0 to {MAX_EASE_S:g} s.")
         if any(not after.seconds - key.seconds >= APART_S for key, after in itertools.pairwise(self.keys)):
-            raise UsageError("Pose keys at the same time, or in no order.", REMEDY)
+            raise UsageError("Pose keys at the same time or out of order.", REMEDY)
 
     def __bool__(self) -> bool:
         return bool(self.keys)
@@ -164,7 +164,7 @@ class PoseLayer:
 
     @cached_property
     def _points(self) -> dict[Curve, dict[int, list[Point]]]:
-        """The points of every curve, by its joint."""
+        """Return the points of every curve, by joint."""
         found: dict[Curve, dict[int, list[Point]]] = {curve: {} for curve in POSE_CURVES}
         for key, curve in itertools.product(self.keys, POSE_CURVES):
             for value in key.values(curve):
@@ -216,11 +216,11 @@ NO_LAYER = PoseLayer()
 
 
 def _hermite(times: Array, values: Array, tangents: Sequence[Tangent], at: Array) -> Array:
-    """Cubics through values `(K, 3)` at times `(T,)`; constant before the first and after the last."""
+    """Cubic interpolation of values `(K, 3)` at times `(T,)`; constant before the first and after the last."""
     rises = np.diff(values, axis=0) / np.diff(times)[:, None]
     slopes = np.zeros_like(values)
     before, after = rises[:-1], rises[1:]
-    # Fritsch and Butland 1984: the harmonic mean of both sides does not overshoot
+    # Fritsch and Butland 1984: the harmonic mean of both slopes does not overshoot
     same = before * after > 0.0
     mean = 2.0 * before * after / np.where(same, before + after, 1.0)
     slopes[1:-1] = np.where(same, mean, 0.0)
@@ -261,7 +261,7 @@ def layered(clip: Clip, layer: PoseLayer, begin_s: float = 0.0) -> Clip:
 def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, Array]) -> tuple[Array, Array]:
     """Return hips `(T, 3)` and local rotations `(T, 31, 4)` with rotations and offsets `(T, 3)` of joints added.
 
-    Rotations of the legs set the places of the feet and the planes of the knees; then the hips move, and the legs reach the feet.
+    Leg rotations determine the feet and the knees' planes; then the hips move, and the legs reach the feet.
     """
     heading = rotations.from_yaw(rotations.yaw_of(local[:, HIPS]))
     made = local.copy()
@@ -282,7 +282,7 @@ def added(hips: Array, local: Array, turns: dict[int, Array], moves: dict[int, A
     return hips, solve_legs(hips, rotations.normalize(made), targets, world[:, LEG_FEET])
 
 
-# --- what a hand on a gizmo makes of a key; `positions` (31, 3) and `world` (31, 4) are of the pose that is shown
+# --- keys from a gizmo; `positions` (31, 3) and `world` (31, 4) are of the shown pose
 
 
 def turned(key: PoseKey, joint: int, world: Array, turn: Array) -> PoseKey:
@@ -316,7 +316,7 @@ def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array)
         upper, fore = HANDS[joint]
         first, second = two_bone(positions[upper], positions[fore], positions[joint], goal)
         key = turned(key, upper, world, first)
-        # the forearm has been turned by its parent already
+        # the forearm has already been rotated by its parent
         return turned(key, fore, world, rotations.multiply(rotations.inverse(first), second))
     if joint in ELBOWS or joint in KNEES:
         start, end = ELBOWS.get(joint) or KNEES[joint]
@@ -330,13 +330,13 @@ def dragged(key: PoseKey, joint: int, positions: Array, world: Array, by: Array)
 
 
 def _within_reach(hip: Array, goal: Array) -> Array:
-    """The goal of an ankle, no farther from its hip than the leg is long."""
+    """Return an ankle's goal, limited to the leg's length from its hip."""
     away = goal - hip
     return np.asarray(hip + away * min(1.0, 0.999 * LEG_M / max(float(np.linalg.norm(away)), 1e-6)))
 
 
 def _swing(start: Array, end: Array, joint: Array, goal: Array) -> Array:
-    """The turn about the line from `start` to `end` that brings a joint nearest to `goal`."""
+    """Return the rotation about the line from `start` to `end` that brings a joint nearest to `goal`."""
     axis = rotations.normalize(end - start)
     now, wanted = (point - start - np.dot(point - start, axis) * axis for point in (joint, goal))
     angle = np.arctan2(np.dot(np.cross(now, wanted), axis), np.dot(now, wanted))

@@ -1,4 +1,4 @@
-"""The recorder: it always remembers the last minutes, so that a take can begin in the past."""
+"""The recorder, which always keeps the last minutes, so that a take can begin in the past."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from runtime.skeleton import J
 from runtime.takes.clip import Clip, shift_prompts
 from runtime.takes.metadata import UNKNOWN, Origin, PromptEvent, gait_seconds
 
-LIVE_SECONDS = 0.1  # transition while a slider is dragged: set again in each frame, it eases towards the hand
+LIVE_SECONDS = 0.1  # transition while a slider is dragged: reset in every frame, it eases towards the target
 
 
 class ClipRecorder:
@@ -70,7 +70,7 @@ class ClipRecorder:
             self._frames.popleft()
             self.first_frame += 1
         while len(self._prompts) > 1 and self._prompts[1][0] <= self.first_frame:
-            self._prompts.popleft()  # no frame that is kept was made by it
+            self._prompts.popleft()  # no kept frame was made by it
 
     def mark_prompt(
         self, prompt: str, transition_seconds: float = 0.0, words: str = "", typed: str = ""

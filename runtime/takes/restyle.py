@@ -1,8 +1,8 @@
-"""A clip of somebody else's motion walked again in another style: its path, speed, facing and gaits become a stick.
+"""Restyles a foreign clip: its path, speed, facing and gaits become stick input for the character in another style.
 
-The character is led along the clip's path frame for frame, as a player would: the stick asks for the clip's velocity a
-moment ahead and steers back to where the clip is. What comes of it is a take with an input of its own, which can be edited
-as a recorded one.
+The character follows the clip's path frame by frame, as a player would: the stick requests the clip's velocity a
+moment ahead and steers back to the clip's position. The result is a take with an input of its own, which can be edited
+like a recorded one.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.controls import STAND_SPEED, Controls, Gait
+from runtime.controls import STAND_SPEED_M_PER_S, Controls, Gait
 from runtime.errors import SportError
 from runtime.motion.controller import Controller
 from runtime.motion.trajectory import MAX_RESPONSE
@@ -27,21 +27,21 @@ from runtime.takes.input_recording import InputRecorder, InputRecording, StyleCh
 from runtime.takes.metadata import gait_seconds, origin_of
 from runtime.takes.root import smooth
 
-LEAD_IN_FRAMES = 2 * FPS  # walked before the clip begins, so that its start has the clip's speed
-PATH_DEVIATION_FRAMES = 12.0  # of the Gaussian that takes the sway of single steps out of the path,
-YAW_DEVIATION_FRAMES = 10.0  # and out of the facing
-LOOK_AHEAD_S = 0.28  # the stick asks for what comes so much later: about the time in which a body follows it
-CORRECTION_PER_S = 2.2  # velocity towards the clip's place, for each metre away from it
+LEAD_IN_FRAMES = 2 * FPS  # walked before the clip begins, to reach its speed
+PATH_DEVIATION_FRAMES = 12.0  # of the Gaussian that removes the sway of single steps from the path,
+YAW_DEVIATION_FRAMES = 10.0  # and from the facing
+LOOK_AHEAD_S = 0.28  # the stick requests the velocity this much later: about the body's response time
+CORRECTION_PER_S = 2.2  # velocity towards the clip's position, per metre of distance
 MAX_CORRECTION_M_PER_S = 0.8
-MIN_FACING_ANGLE = 0.6  # radians between facing and path from which on the facing is asked for: a side step
-CROUCH_HEIGHT_M = 0.77  # of the hips over the ground: lower, a body of our size crouches (walking: 0.955)
-JOG_M_PER_S = 1.95  # faster, a body of our size jogs
-JOG_AIR_FRACTION = 0.08  # of a second without a foot on the ground: likewise
-AIR_M = 0.05  # of both ankles over their resting height
-JUMP_RISE_M, JUMP_AIR_S = 0.16, 0.25  # of the hips, in the air at least so long: a jump
-JUMP_LEAD_S = 0.25  # between the button and leaving the ground
-EQUALLY_NEAR_M = 0.002  # places of a path that are as near to a point as the nearest one
-FACING_SPEED_M_PER_S = 0.4  # slower, a body faces where the clip does
+MIN_FACING_RAD = 0.6  # radians between facing and path above which the facing is requested: a side step
+CROUCH_HEIGHT_M = 0.77  # of the hips above the ground: below it, a body of our size crouches (walking: 0.955)
+JOG_M_PER_S = 1.95  # above it, a body of our size jogs
+JOG_AIR_FRACTION = 0.08  # of a second without a foot on the ground, above which it also jogs
+AIR_M = 0.05  # of both ankles above their resting height
+JUMP_RISE_M, JUMP_AIR_S = 0.16, 0.25  # rise of the hips and minimum time in the air of a jump
+JUMP_LEAD_S = 0.25  # from the button to the take-off
+EQUALLY_NEAR_M = 0.002  # tolerance within which positions of a path are equally near to a point
+FACING_SPEED_M_PER_S = 0.4  # below it, a body faces where the clip does
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class ClipRequests:
 
     path: Array  # (T, 2) metres, XZ
     velocity: Array  # (T, 2) m/s
-    yaw: Array  # (T,) radians that the body faces
+    yaw: Array  # (T,) radians, facing
     gaits: NDArray[np.int8]  # (T,) `Gait`
-    facing: NDArray[np.bool_]  # (T,) whether the body does not face where it goes
+    facing: NDArray[np.bool_]  # (T,) whether the body faces away from its direction of travel
 
 
 def requests_of(clip: Clip) -> ClipRequests:
@@ -64,7 +64,7 @@ def requests_of(clip: Clip) -> ClipRequests:
     yaw = smooth(headings[:, None], YAW_DEVIATION_FRAMES)[:, 0]
     speed = np.linalg.norm(velocity, axis=-1)
     off = np.abs((np.arctan2(velocity[:, 0], velocity[:, 1]) - yaw + np.pi) % (2.0 * np.pi) - np.pi)
-    facing = (smooth(off[:, None], YAW_DEVIATION_FRAMES)[:, 0] > MIN_FACING_ANGLE) | (
+    facing = (smooth(off[:, None], YAW_DEVIATION_FRAMES)[:, 0] > MIN_FACING_RAD) | (
         speed < FACING_SPEED_M_PER_S
     )
     gaits = _gaits(clip, speed) if clip.gaits is None else clip.gaits
@@ -81,7 +81,7 @@ def requests_of(clip: Clip) -> ClipRequests:
 
 
 def _gaits(clip: Clip, speed: Array) -> NDArray[np.int8]:
-    """The gait of each frame `(T,)`, by the height of the hips, the speed and the time in the air."""
+    """Return the gait of each frame `(T,)`, from hip height, speed and time in the air."""
     hips = clip.hips_positions[:, 1].astype(np.float64)
     positions = clip.world()[0]
     ankles = positions[:, [SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot")], 1]
@@ -93,7 +93,7 @@ def _gaits(clip: Clip, speed: Array) -> NDArray[np.int8]:
     result = np.full(len(hips), int(Gait.WALK), np.int8)
     result[(speed > JOG_M_PER_S) | ((flies > JOG_AIR_FRACTION) & (speed > 1.2))] = Gait.JOG
     result[low] = Gait.CROUCH
-    result[(speed < STAND_SPEED) & ~low] = Gait.STAND
+    result[(speed < STAND_SPEED_M_PER_S) & ~low] = Gait.STAND
     for first, end in stretches(air > 0.0):
         rises = hips[first:end].max() - np.median(hips[max(first - FPS, 0) : first + 1])
         if end - first > JUMP_AIR_S * FPS and rises > JUMP_RISE_M:
@@ -130,7 +130,7 @@ def restyled(
     """
     source = clip.resampled(float(FPS))
     requests, recorder, terrain = requests_of(source), InputRecorder(), controller.terrain
-    controller.response = MAX_RESPONSE  # a captured velocity has a body's momentum already
+    controller.response = MAX_RESPONSE  # a captured velocity already has a body's momentum
     controller.set_style(style.z, 0.0)
     pose = controller.reset(float(requests.path[0, 0]), float(requests.path[0, 1]), float(requests.yaw[0]))
     recorder.mark_ground(terrain.name, terrain)
@@ -179,7 +179,7 @@ def path_error(made: Clip, led_by: Clip) -> PathError:
         first = max(frame - reach, 0)
         near = np.linalg.norm(path[first : frame + reach + 1] - place, axis=-1)
         away.append(float(near.min()))
-        # where the path stands still every frame of it is as near: the one at the same time counts
+        # all frames of a standing path are equally near: the simultaneous one counts
         equal = np.flatnonzero(near < near.min() + EQUALLY_NEAR_M) + first
         late.append(float(np.abs(equal - frame).min()) / FPS)
     return PathError(float(np.median(away)), float(np.median(late)))

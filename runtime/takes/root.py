@@ -1,4 +1,4 @@
-"""The root of a take: a point on the ground under the character that moves smoothly, and where it faces."""
+"""The root of a take: a smoothly moving point on the ground under the character, and its facing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from runtime.motion import features
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 
-SMOOTHING_S = 0.3  # deviation of the Gaussian: steps and sway stay in the hips, turns in the root
+SMOOTHING_S = 0.3  # standard deviation of the Gaussian: steps and sway stay in the hips, turns in the root
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""The way of a take as points with speeds, and the take resimulated along a changed one.
+"""The path of a take as waypoints, and resimulation along an edited path.
 
-A take was driven by a stick; along another way the stick follows from where the character comes to, so that the network
-walks it as it would live. Prompts stay at their frames; the take ends where the way does.
+A take was driven by a stick; along an edited path the stick is computed from the character's position, so that the
+network walks it as it would live. Prompts stay at their frames; the take ends with the path.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from runtime.takes.clip import Clip
 from runtime.takes.input_recording import InputFrames, InputRecording, Steppable, started, with_poses
 from runtime.takes.metadata import gait_of
 
-APART_M = 1.5  # between two points of a straight way
-BEND_M = 0.12  # that the way may lie off the line between two points
-MIN_STICK = 0.1  # of the full stick
-STANDS_S = 0.75  # after the end of the way
+WAYPOINT_SPACING_M = 1.5  # between two waypoints of a straight path
+MAX_DEVIATION_M = 0.12  # tolerated deviation from the line between two waypoints
+MIN_STICK_FRACTION = 0.1  # of the full stick
+REST_AT_END_S = 0.75  # after the end of the path
 MAX_SECONDS = 600.0
-MOVED_M = 0.05  # less is standing
+MOVED_M = 0.05  # a shorter distance counts as standing
 
 
 def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
@@ -42,18 +42,18 @@ def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
         stick, gait = _leg([inputs.frame(i).controls for i in range(a, b + 1)])
         points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), stick, gait))
     if not points:
-        raise UsageError("The way of this take: it stands.", "Choose a take that goes somewhere.")
+        raise UsageError("This take has no path: the character stands.", "Choose a take that moves.")
     if len(points) > MAX_POINTS:
-        raise UsageError(f"The way of this take: more than {MAX_POINTS} points.", "Choose a shorter take.")
+        raise UsageError(f"The path of this take has more than {MAX_POINTS} points.", "Choose a shorter take.")
     return tuple(points)
 
 
 def _leg(frames: Sequence[Controls]) -> tuple[float, Gait]:
-    """How far the stick was pushed on a leg, and the gait of most of it."""
+    """Return the stick length on a section, and its predominant gait."""
     moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
     gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
     stick = float(np.median([hypot(*c.move) for c in moving]))
-    return min(max(stick, MIN_STICK), 1.0), max(set(gaits), key=gaits.count)
+    return min(max(stick, MIN_STICK_FRACTION), 1.0), max(set(gaits), key=gaits.count)
 
 
 def resimulated_along(
@@ -76,7 +76,7 @@ def resimulated_along(
         pose = shown or pose
         if walk.ended:
             rest += 1
-        if rest > STANDS_S * FPS or number - first > MAX_SECONDS * FPS:
+        if rest > REST_AT_END_S * FPS or number - first > MAX_SECONDS * FPS:
             return None
         requested.append(walk((number - first) / FPS, _place(pose)))
         progress(min(walk.progress / max(float(walk.ends[-1]), 1e-6), 0.99))
@@ -96,14 +96,14 @@ def _place(pose: Pose) -> PlanarPose:
 
 
 def _corners(path: Array) -> list[int]:
-    """Frames of the points: where the way bends (Ramer 1972, Douglas and Peucker 1973), and on long straight stretches."""
+    """Return the waypoints' frames: corners (Ramer 1972, Douglas and Peucker 1973), and points on long straight sections."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     if along[-1] < MOVED_M:
         return [0]
     kept = _bends(path, 0, len(path) - 1)
     corners = [0]
     for a, b in itertools.pairwise(kept):
-        parts = max(round((along[b] - along[a]) / APART_M), 1)
+        parts = max(round((along[b] - along[a]) / WAYPOINT_SPACING_M), 1)
         inner = np.searchsorted(along, np.linspace(along[a], along[b], parts + 1)[1:-1])
         corners += [int(i) for i in inner if i > corners[-1]]
         if b > corners[-1]:
@@ -120,7 +120,7 @@ def _bends(path: Array, a: int, b: int) -> list[int]:
     fraction = np.clip(offset @ line / length**2, 0.0, 1.0)
     away = np.hypot(*(offset - fraction[:, None] * line).T)
     worst = int(np.argmax(away))
-    if away[worst] < BEND_M:
+    if away[worst] < MAX_DEVIATION_M:
         return [a, b]
     middle = a + 1 + worst
     return [*_bends(path, a, middle)[:-1], *_bends(path, middle, b)]

@@ -1,1 +1,1 @@
-"""Ground: height maps, the ready terrains and terrain files."""
+"""Ground: height maps, built-in terrains and terrain files."""

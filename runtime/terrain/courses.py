@@ -1,6 +1,6 @@
-"""Obstacle courses: hurdles, a beam, platforms with gaps, walls. All lie along +Z, before a start at the origin.
+"""Obstacle courses along +Z, starting at the origin: hurdles, a beam, platforms with gaps, walls.
 
-Heights and distances are written down once here: for the ground itself, for the controller and for the evaluation.
+Heights and distances are defined only here, for the ground itself, the controller and the evaluation.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 
 CELL_M = 0.05  # a riser is one cell wide
-ROUNDING_M = 1e-6  # of the grid's own numbers
+ROUNDING_M = 1e-6  # of the grid's coordinates
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Obstacle:
         return within & (np.abs(x) <= self.half_width + ROUNDING_M)
 
 
-BAR_M, WALL_M, HALF_WIDTH_M = 0.1, 1.0, 3.0  # thick, and half as wide as they reach across the way
+BAR_M, WALL_M, HALF_WIDTH_M = 0.1, 1.0, 3.0  # thickness, and half of their extent across the path
 PLATFORM_M, PLATFORM_HALF_WIDTH_M, FIRST_PLATFORM_M = 1.8, 1.5, 3.0
 HURDLES_M = ((4.0, 0.2), (7.5, 0.3), (11.0, 0.4), (14.5, 0.5), (18.0, 0.6))  # place and height
 WALLS_M = ((5.0, 0.6), (10.0, 1.0), (15.0, 1.4))

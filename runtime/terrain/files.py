@@ -1,4 +1,4 @@
-"""Terrain from files of others: grey PNG height maps, NPY arrays and meshes, all bounded and checked."""
+"""Reads terrain from untrusted files: grey PNG height maps, NPY arrays and meshes, all bounded and checked."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ MAX_HEADER_BYTES = 4096  # of an NPY file; numpy writes 128
 MAX_HEIGHT_M = 1000.0
 _COLOUR_MODES = ("RGB", "RGBA", "P", "LA", "PA")
 _BRIGHTNESS = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601, as Pillow's own
-_ROWS = 256  # of a height map that are converted at once
+_ROWS = 256  # of a height map, converted at once
 SUFFIXES = (".png", ".npy", *MESH_SUFFIXES)
-WHITE_16_BIT_SCALE, WHITE_8_BIT_SCALE = 65535.0, 255.0  # of grey pictures with so many bits
+WHITE_16_BIT_SCALE, WHITE_8_BIT_SCALE = 65535.0, 255.0  # of grey images with that bit depth
 CELL_RANGE_M = 0.005, 10.0
 
 
 def read_terrain(path: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -> Terrain:
     """Read a terrain from a PNG, NPY or mesh file, centred on the origin.
 
-    PNG: grey, 16 or 8 bits, black is 0 and white is `height_m`; colours count by brightness, which the terrain's note
-    says; columns go along +X, rows along +Z, `cell_m` apart.
+    PNG: grey, 16 or 8 bits, black is 0 and white is `height_m`; colours are converted to brightness, with a
+    note; columns go along +X, rows along +Z, `cell_m` apart.
     NPY: `(nx, nz)` heights; floats are metres, unsigned integers are scaled like a PNG.
     Mesh: metres, Y up; its highest surface is sampled every `cell_m`, gaps take its lowest height.
     """
@@ -67,7 +67,7 @@ def _read_png(path: Path, data: bytes, height_m: float) -> tuple[Array, str]:
 
     remedy = "Save it again as a grey PNG with 16 or 8 bits."
     if not data.startswith(b"\x89PNG\r\n\x1a\n"):
-        raise FileError(f"{path}: not a readable PNG (its first bytes are others).", remedy)
+        raise FileError(f"{path}: not a readable PNG (its signature is wrong).", remedy)
     try:
         with Image.open(io.BytesIO(data), formats=("PNG",)) as image:
             if max(image.size) > MAX_SIDE or min(image.size) < 2:
@@ -94,7 +94,7 @@ def _read_png(path: Path, data: bytes, height_m: float) -> tuple[Array, str]:
         OSError, ValueError, SyntaxError, EOFError, IndexError, KeyError, TypeError, AttributeError,
         OverflowError, struct.error, Image.DecompressionBombError,
     ) as error:  # fmt: skip
-        # what Pillow's reader of PNG raises on chunks that are too short or wrong
+        # exceptions of Pillow's PNG reader for damaged chunks
         raise FileError(f"{path}: not a readable PNG ({reason(error)}).", remedy) from error
 
 
@@ -112,7 +112,7 @@ def _scaled(values: NDArray[np.generic], height_m: float, full_scale: float) -> 
     heights = np.empty(values.shape, np.float32)
     for first in range(0, len(values), _ROWS):
         rows = slice(first, first + _ROWS)
-        with np.errstate(over="ignore"):  # what is infinite then is refused
+        with np.errstate(over="ignore"):  # infinite values are refused below
             heights[rows] = values[rows].astype(np.float64) / full_scale * height_m
     return heights
 
@@ -126,7 +126,7 @@ def _read_npy(path: Path, data: bytes, height_m: float) -> Array:
         raise FileError(f"{path}: not a readable NPY array ({reason(error)}).", remedy) from error
     if max(shape) > MAX_SIDE or min(shape) < 2:
         raise FileError(
-            f"{path}: {shape[0]} x {shape[1]} samples; expected 2 to {MAX_SIDE} a side.", "Thin it out."
+            f"{path}: {shape[0]} x {shape[1]} samples; expected 2 to {MAX_SIDE} a side.", "Downsample it."
         )
     wanted = shape[0] * shape[1] * dtype.itemsize
     if len(data) - at < wanted:
@@ -138,14 +138,14 @@ def _read_npy(path: Path, data: bytes, height_m: float) -> Array:
 
 
 def _npy_header(data: bytes) -> tuple[tuple[int, int], bool, np.dtype[Any], int]:
-    """Shape, Fortran order and kind of an array of numbers, and where its values begin; ValueError for another header.
+    """Return shape, Fortran order and dtype of an array, and the offset of its values; ValueError for another header.
 
-    It is a line of text in the form of a Python dictionary, of which only what is known is read: numpy evaluates it,
-    which damaged or hostile ones answer with a dozen kinds of errors and warnings.
+    The header is a line of text in the form of a Python dictionary, of which only known keys are parsed: numpy evaluates
+    it, and raises a dozen kinds of errors and warnings for damaged or hostile ones.
     """
     if not data.startswith(b"\x93NUMPY") or len(data) < 12:
         raise ValueError("no numbers in it")
-    wide = data[6] > 1  # the length of the header has four bytes from version 2 on
+    wide = data[6] > 1  # the header's length has four bytes from version 2 on
     at = 12 if wide else 10
     length = int.from_bytes(data[8:at], "little")
     if length > MAX_HEADER_BYTES:
@@ -155,7 +155,7 @@ def _npy_header(data: bytes) -> tuple[tuple[int, int], bool, np.dtype[Any], int]
     order = re.search(r"""['"]fortran_order['"]\s*:\s*(True|False)""", head)
     shape = re.search(r"""['"]shape['"]\s*:\s*\(\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,?\s*\)""", head)
     if not kind or not order or not shape:
-        raise ValueError("no two-dimensional array of numbers")
+        raise ValueError("not a two-dimensional array of numbers")
     return (int(shape[1]), int(shape[2])), order[1] == "True", np.dtype(kind[1]), at + length
 
 
@@ -169,7 +169,7 @@ def _checked(
         )
     if (
         not max(-float(heights.min()), float(heights.max())) <= MAX_HEIGHT_M
-    ):  # nor with NaN, which min and max keep
+    ):  # also rejects NaN, which min and max propagate
         raise FileError(
             f"{path}: expected finite heights within {MAX_HEIGHT_M:.0f} m.",
             "Replace NaN and infinite values, and check the unit.",

@@ -1,4 +1,4 @@
-"""Ground as a height map: the one object that answers heights and normals to model, IK, camera and renderer."""
+"""The ground as a height map, which gives heights and normals to model, IK, camera and renderer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.errors import TerrainError
 
-LAST_CELL_WIDTH = 1.000001  # from the number of a grid's points to the last place inside its cells
+LAST_CELL_WIDTH = 1.000001  # from the number of grid points to the last position inside the cells
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Terrain:
     heights: Array  # (nx, nz) float32
     cell_m: float
     origin: tuple[float, float]  # x, z of heights[0, 0], metres
-    note: str = ""  # what a user should know of how it was read
-    unit_m: float = 1.0  # metres of a unit of its lengths: see `seen_by`
+    note: str = ""  # how it was read, for the user
+    unit_m: float = 1.0  # metres per unit of its lengths: see `seen_by`
 
     def __post_init__(self) -> None:
         heights = self.heights
@@ -93,7 +93,7 @@ class Terrain:
         h = self.heights
         try:
             low = h[i, j] * (1 - fu) + h[i + 1, j] * fu
-        except IndexError as error:  # not a number: clipping keeps it
+        except IndexError as error:  # NaN: clipping keeps it
             raise TerrainError(
                 f"Terrain {self.name!r}: a place that is not finite.", "Give metres."
             ) from error
@@ -133,5 +133,5 @@ class PointHeights:
             here = low * (1.0 - v) + high * v
             return lowest if here < lowest else highest if here > highest else here
 
-        # bilinear height in metres at x, z, as `Terrain.height`; a closure, as it is called some thirty times in a frame
+        # bilinear height in metres at x, z, as `Terrain.height`; a closure, as it is called about thirty times per frame
         self.height = height

@@ -1,4 +1,4 @@
-"""Ready terrains by name: walkable ground of about 40 x 40 m with a flat start around the origin."""
+"""Built-in terrains: walkable ground of about 40 x 40 m with a flat start around the origin."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ STEP_RUN_M = 0.32
 STEPS = 8  # of a flight of stairs
 STAIRS_BEGIN_M = 3.0  # from the start
 LANDING_LENGTH_M = 2.56
-STEP_EDGE_M = 1e-6  # of the grid's own rounding
-HILLS_SLOPE_DEGREES, ROUGH_SLOPE_DEGREES = 18.0, 20.0  # of the steepest hundredth of the ground
+STEP_EDGE_M = 1e-6  # rounding error of the grid
+HILLS_SLOPE_DEGREES, ROUGH_SLOPE_DEGREES = 18.0, 20.0  # exceeded by the steepest hundredth of the ground
 HILLS_WAVELENGTH_M, KNOLLS_WAVELENGTH_M, KNOLLS_FRACTION = 14.0, 4.0, 0.12
 BUMPS_WAVELENGTH_M, BUMPS_CHANGE_M, SWELLS_WAVELENGTH_M = 0.9, 6.0, 5.0
 MIN_BUMPS_M, BUMPS_RANGE_M = 0.05, 0.10  # heights of bumps: 5 to 15 cm
@@ -40,11 +40,11 @@ PLATFORM_HEIGHTS_M = (0.3, 0.45, 0.6)
 PLATFORM_SPACING_M = 6.0
 PLATFORM_HALF_WIDTH_M = (0.8, 1.1)  # smallest and largest
 PLATFORM_STEP_RISE_M, PLATFORM_STEP_RUN_M, PLATFORM_RAMP_SLOPE = 0.15, 0.4, 0.33
-STEEPEST_FRACTION = 0.99  # of the ground is less steep than the slope that a terrain is scaled to
-KEPT_TERRAINS = 9  # generated grounds in memory: one of each
+STEEPEST_FRACTION = 0.99  # of the ground, which is less steep than the slope that a terrain is scaled to
+KEPT_TERRAINS = 9  # cached generated grounds: one of each
 HILLS_CELL_M = 0.1
 STAIRS_CELL_M = 0.04  # the run is a whole number of cells, a riser is one cell wide
-BAND_WIDTH, LOW_BAND_WIDTH = 0.35, 0.4  # of the noise's spectrum, times the frequency of its bumps
+BAND_WIDTH, LOW_BAND_WIDTH = 0.35, 0.4  # of the noise's spectrum, relative to the frequency of its bumps
 
 
 def make_terrain(name: str, seed: int = 0) -> Terrain:
@@ -77,7 +77,7 @@ _kept: OrderedDict[tuple[str, int], Terrain] = OrderedDict()
 
 
 def _made(maker: Callable[[int], Terrain], name: str, seed: int) -> Terrain:
-    """The same object for the same ground while it is one of the last few: takes hold the ground that they were made on."""
+    """Return the same object for the same ground while it is cached: takes hold the ground that they were made on."""
     found = _kept.pop((name, seed), None)
     if found is None:
         found = maker(seed)
@@ -108,7 +108,7 @@ def _rough(seed: int) -> Terrain:
 
 
 def _stairs(_seed: int) -> Terrain:
-    """Square rings around the start: up a flight, over a landing, down a flight, along a floor."""
+    """Square rings around the start: a flight of stairs up, a landing, a flight down, a floor."""
     cell = STAIRS_CELL_M
     x, z = _grid(cell)
     distance = np.maximum(np.abs(x), np.abs(z)) - STAIRS_BEGIN_M
@@ -192,9 +192,9 @@ def _noise(n: int, cell: float, wavelength_m: float, seed: int) -> Array:
 
 
 def _scale_to_slope(heights: Array, cell: float, degrees: float) -> Array:
-    """Scale heights so that the steepest hundredth of the ground begins at a slope of so many degrees."""
+    """Scale heights so that the slope of the steepest hundredth of the ground begins at this angle."""
     gx, gz = np.gradient(heights, cell)
-    # as `np.percentile`, whose first call imports a package, a twentieth of a start
+    # like `np.percentile`, whose first call imports a package, a twentieth of the start-up time
     slopes = np.hypot(gx, gz).ravel()
     place = STEEPEST_FRACTION * (len(slopes) - 1)
     low = int(place)

@@ -1,4 +1,4 @@
-"""Heights from meshes: geometry alone is read, within budgets of triangles and of the cells that they cover."""
+"""Heights from meshes: only geometry is read, within limits on triangles and the cells they cover."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ MAX_TRIANGLES = 500_000
 MAX_VERTICES = 3 * MAX_TRIANGLES
 MAX_COVERED_CELLS = 3 * MAX_SIDE * MAX_SIDE  # of the rectangles around all triangles
 MAX_COORDINATE_M = 1e6
-ROUNDING_FRACTION = 1e-6  # of a cell: a mesh that ends so far behind a sample ends at it
-EDGE_TOLERANCE = 1e-9  # of cells and of triangles: what is on an edge is inside
+ROUNDING_FRACTION = 1e-6  # of a cell: tolerance of a mesh's end behind a sample
+EDGE_TOLERANCE = 1e-9  # of cells and triangles: points on an edge are inside
 STL_HEAD_BYTES, STL_TRIANGLE_BYTES = 84, 50
-_SMALL = 64  # cells of a rectangle that is rasterised together with others
-_AT_ONCE = 1 << 15  # cells, so that what is computed of them stays in the processor's cache
+_SMALL = 64  # cells of a rectangle that is rasterised in a batch
+_AT_ONCE = 1 << 15  # cells per batch, which keeps intermediate results in the processor's cache
 _REMEDY = "Export the ground as one OBJ or PLY in metres, Y up."
 
 
@@ -38,7 +38,7 @@ def read_mesh(path: Path, cell_m: float) -> tuple[Array, tuple[float, float]]:
             vertices, faces = _geometry(path)
     except (FileError, MemoryError):
         raise
-    except Exception as error:  # trimesh's readers raise whatever their parsers meet
+    except Exception as error:  # trimesh's readers raise arbitrary parser errors
         raise FileError(
             f"{path}: not a readable mesh: it has no faces, or it is damaged.", _REMEDY
         ) from error
@@ -88,7 +88,7 @@ def _check(path: Path, vertices: Array, faces: NDArray[np.int64]) -> None:
 
 
 def _geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices `(V, 3)` and triangles `(F, 3)` as the file has them, unchecked."""
+    """Return vertices `(V, 3)` and triangles `(F, 3)` as in the file, unchecked."""
     kind = path.suffix.lower()
     if kind in (".glb", ".gltf"):
         return _gltf_geometry(path)
@@ -126,7 +126,7 @@ def _trimesh_geometry(path: Path, kind: str, data: bytes) -> tuple[Array, NDArra
 
 
 def _obj_geometry(text: str, path: Path) -> tuple[Array, NDArray[np.int64]]:
-    """The lines `v` and `f` of an OBJ; polygons become fans, and all else (materials, normals) is passed over."""
+    """Read the lines `v` and `f` of an OBJ; polygons become fans, and everything else (materials, normals) is skipped."""
     vertices: list[list[str]] = []
     faces: list[tuple[int, int, int]] = []
     for line in text.replace("\\\n", " ").replace("\\\r\n", " ").splitlines():
@@ -143,14 +143,14 @@ def _obj_geometry(text: str, path: Path) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _fan(words: list[str], vertices: int) -> list[tuple[int, int, int]]:
-    """The triangles of a polygon of an OBJ, whose numbers below 0 count back from the last of the `vertices`."""
+    """Return the triangles of an OBJ polygon, whose negative indices count back from the last of the `vertices`."""
     numbers = [int(word.partition("/")[0]) for word in words]
     corners = [k - 1 if k > 0 else vertices + k for k in numbers]
     return [(corners[0], b, c) for b, c in pairwise(corners[1:])]
 
 
 def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
-    """All triangles of a glTF where its nodes put them; materials and textures are not looked at."""
+    """Return all triangles of a glTF, transformed by its nodes; materials and textures are ignored."""
     from runtime.character.nodes import Nodes
     from runtime.character.read import open_gltf
 
@@ -172,7 +172,7 @@ def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _gltf_primitives(path: Path, file: Any, world: Array) -> Iterator[tuple[Array, int, Any]]:
-    """World matrix, mesh number and primitive of everything made of triangles, as long as it is within the budgets."""
+    """Yield world matrix, mesh index and primitive of everything made of triangles, within the limits."""
     from runtime.character.read import MAX_PRIMITIVES
 
     primitives = vertices = triangles = 0
@@ -211,7 +211,7 @@ def rasterise(triangles: Array, shape: tuple[int, int]) -> Array:
     xz = triangles[..., [0, 2]]
     edge1, edge2 = xz[:, 1] - xz[:, 0], xz[:, 2] - xz[:, 0]
     area = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
-    cells[np.abs(area) <= 1e-12] = 0  # small ones may lie between grid points, upright ones have no top
+    cells[np.abs(area) <= 1e-12] = 0  # small ones may lie between grid points, vertical ones have no top
     small = np.flatnonzero((cells > 0) & (cells <= _SMALL))
     for some in np.array_split(small, len(small) * _SMALL // _AT_ONCE + 1):
         of = np.repeat(some, cells[some])

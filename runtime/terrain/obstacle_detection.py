@@ -11,19 +11,19 @@ from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
 
 SPACING_M = 0.025
-RUN_M = 0.125  # an edge rises or falls within this
-SIDES_M = (0.0, 0.15, -0.15)  # the middle of the path, left and right of it
+RUN_M = 0.125  # an edge rises or falls within this distance
+SIDES_M = (0.0, 0.15, -0.15)  # centre of the path, left and right of it
 EDGE_M = 0.12  # a lower edge is ground for the feet, not an obstacle
-STEP_M = 0.25  # a lower step up or down is a stair's
-THICKEST_BAR_M = 0.45  # a longer one is stood on
+STEP_M = 0.25  # a lower step up or down is a stair
+THICKEST_BAR_M = 0.45  # on a thicker one feet are put
 WIDEST_GAP_M = 1.3
-LEVEL_M = 0.35  # difference in height at most of the ground before and behind a bar
+LEVEL_M = 0.35  # maximum height difference of the ground before and behind a bar
 BEHIND_M = 1.6  # length of ground that is examined beyond an edge
-EDGE_BEGINS_M = 0.03  # rise from which on an edge has begun
-EDGE_BESIDE_RISE_M = 0.05  # rise between two samples that is the same edge on a parallel path
+EDGE_BEGINS_M = 0.03  # rise at which an edge has begun
+EDGE_BESIDE_RISE_M = 0.05  # rise between two samples that counts as the same edge on a parallel path
 EDGE_BESIDE_M = 0.5  # distance along the path within which that edge is looked for
-FOOT_LENGTH_M = 0.15  # behind an edge the ground is measured where the foot comes down
-RETURN_FRACTION = 0.5  # of a rise: the ground is as low as before again
+FOOT_LENGTH_M = 0.15  # behind an edge, where the ground is measured for the landing foot
+RETURN_FRACTION = 0.5  # of a rise: below it the ground is back at its height
 GAP_RETURN_FRACTION = 0.4  # of a drop: likewise,
 GAP_RETURN_M = 0.5  # and no lower than this
 
@@ -43,10 +43,10 @@ class ObstacleAhead:
 
     kind: ObstacleKind
     near: float  # its first edge
-    far: float  # its last edge: behind a bar or gap; of a wall, where its top ends
-    top: float  # of a bar; of a wall or drop the step itself (negative is down); 0 of a gap
+    far: float  # its last edge: behind a bar or gap; of a wall, the end of its top
+    top: float  # of a bar; of a wall or drop the signed step; 0 for a gap
     beyond: float  # height of the ground behind it
-    skew: float  # radians that the path turns left to meet the edge at a right angle
+    skew: float  # radians that the path must turn left to be perpendicular to the edge
     ground: float = 0.0  # height just before it, metres
 
     @property

@@ -1,6 +1,6 @@
-"""Room for a body: whether it can stand, land and climb at a place, and how the root keeps clear of walls.
+"""Room for a body: whether it can stand, land and climb at a position, and how the root keeps away from walls.
 
-Points around the root are examined on all sides, so that no limb grazes a wall on a diagonal or turns into a spike.
+Points around the root are checked in all directions, so that no limb touches a wall on a diagonal or a spike.
 """
 
 from __future__ import annotations
@@ -12,26 +12,26 @@ from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
 
 # distances from the root, chosen so that no limb of a walking body meets the ground
-REACH_M, RISE_M = 0.45, 0.8  # knees and elbows: higher ground within this reach is a wall for them
+REACH_M, RISE_M = 0.45, 0.8  # knees and elbows: higher ground within this distance is a wall for them
 HAND_REACH_M, HAND_RISE_M = 0.65, 1.3  # hands: likewise
-STEEP_M, STEEP_RUN_M = 0.8, 0.15  # nobody stands where the ground falls so far within so short a run
-# of the angle between a velocity and a wall that it leads into
+STEEP_M, STEEP_RUN_M = 0.8, 0.15  # nobody stands where the ground drops this much within this distance
+# between a velocity and the wall that it leads into
 TOWARDS_COSINE, HAND_TOWARDS_COSINE = 0.5, 0.7
-LANDING_DISTANCES_M = (0.2, 0.35, 0.5)  # behind an edge that is leapt: where feet come down,
-RUN_OUT_DISTANCES_M, RUN_OUT_RISE_M = (0.75, 1.0, 1.25), 0.6  # and where the body comes to; rise at most
-LANDING_RISE_M = 0.3  # over the edge at most, or it is a slope too steep to land on
-LANDING_WIDTHS_M = np.array([-0.15, 0.0, 0.15])  # of the feet that land
-BODY_RADIUS_M = 0.35  # trunk and legs: the root drifts away from a wall within this
-DRIFT_M, DRIFT_M_PER_S = 2.0, 1.2  # how far and how fast it drifts at most,
-DRIFT_RISE_M = 0.4  # over ground that rises no more
+LANDING_DISTANCES_M = (0.2, 0.35, 0.5)  # behind an edge that is leapt over: where feet land,
+RUN_OUT_DISTANCES_M, RUN_OUT_RISE_M = (0.75, 1.0, 1.25), 0.6  # where the body slows down; maximum rise
+LANDING_RISE_M = 0.3  # maximum above the edge: more is a slope too steep to land on
+LANDING_WIDTHS_M = np.array([-0.15, 0.0, 0.15])  # of landing feet
+BODY_RADIUS_M = 0.35  # trunk and legs: the root drifts away from a wall this near
+DRIFT_M, DRIFT_M_PER_S = 2.0, 1.2  # limits of the drift's distance and speed,
+DRIFT_RISE_M = 0.4  # and of the ground's rise on its way
 DRIFT_SPACING_M = 0.05
-CLIMB_LENGTH_M = 0.9  # behind an edge that is climbed: where a body comes to stand
+CLIMB_LENGTH_M = 0.9  # behind a climbed edge, where a body can stand
 CLIMB_SPACING_M = 0.1
-CLIMB_EDGE_M = 0.05  # before the edge that the wall itself takes up,
-CLIMB_FOOT_M = 0.15  # and behind it, where the first foot comes down
+CLIMB_EDGE_M = 0.05  # before the edge, occupied by the wall itself,
+CLIMB_FOOT_M = 0.15  # and behind it, where the first foot lands
 CLIMBER_WIDTHS_M = np.array([-0.4, -0.2, 0.0, 0.2, 0.4])  # to the sides of the path: elbow to elbow,
 CLIMBER_FEET_M = np.array([-0.2, 0.0, 0.2])  # and foot to foot
-MAX_PLACE_DISTANCE_M = 12.0  # within which a place to stand is looked for
+MAX_PLACE_DISTANCE_M = 12.0  # range of the search for a place to stand
 PLACE_SPACING_M = 0.1
 MIN_SPEED_M_PER_S = 1e-6  # slower, a velocity has no direction
 DIRECTIONS = 24  # around a body
@@ -40,7 +40,7 @@ _AROUND = np.stack([np.sin(_ANGLES), np.cos(_ANGLES)], axis=-1)
 _RING_FRACTIONS = np.repeat([0.4, 0.7, 1.0, 1.2, HAND_REACH_M / REACH_M], DIRECTIONS)  # of REACH_M
 _RING_DIRECTIONS = np.tile(_AROUND, (5, 1))
 _RING = REACH_M * _RING_FRACTIONS[:, None] * _RING_DIRECTIONS
-_RING_RISE = np.where(_RING_FRACTIONS > 1.0, HAND_RISE_M, RISE_M)  # from which on each point is a wall
+_RING_RISE = np.where(_RING_FRACTIONS > 1.0, HAND_RISE_M, RISE_M)  # rise from which each point is a wall
 _RING_COSINE = np.where(_RING_FRACTIONS > 1.0, HAND_TOWARDS_COSINE, TOWARDS_COSINE)
 _STEEP_RING = STEEP_RUN_M * _AROUND
 _BODY_RINGS = BODY_RADIUS_M * np.concatenate([0.5 * _AROUND, _AROUND])
@@ -110,7 +110,7 @@ def can_land(
 
 
 def _strip_rises(terrain: Terrain, place: Array, way: Array, along: Array, sides: Array) -> Array:
-    """Rises (m) over the ground at `place` of points `along` a path and `sides` of it."""
+    """Return rises (m) above the ground at `place` of points `along` a path and `sides` of it."""
     across = np.array([way[1], -way[0]])
     points = along[:, None, None] * way + sides[None, :, None] * across
     return _rises(terrain, place, points.reshape(-1, 2))

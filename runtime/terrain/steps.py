@@ -1,4 +1,4 @@
-"""Steps up and down that nobody climbs: found on the path ahead, and hidden from the heights that the network sees."""
+"""Unclimbable steps up and down: found on the path ahead, and hidden from the heights that the network sees."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
 
 HIGHEST_STEP_M = 1.5  # up or down; a wall of 1.1 m can be climbed
-STEP_RUN_M = 0.5  # within this length such a rise is a step, not a slope
+STEP_RUN_M = 0.5  # a rise within this length is a step, not a slope
 STEP_SPACING_M = 0.1
 FINEST_SPACING_M = 0.025
-HALF_WIDTH_M = 0.15  # of the strip that a body walks on
+HALF_WIDTH_M = 0.15  # of the strip on which a body walks
 _SURELY_NO_STEP_M = 0.99 * HIGHEST_STEP_M
-FARTHEST_LOOK_M = 10.0  # however fast a damaged network makes the root
+FARTHEST_LOOK_M = 10.0  # also if a damaged network makes the root very fast
 
 
 def step_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: float) -> tuple[float, float]:

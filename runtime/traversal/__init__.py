@@ -1,1 +1,1 @@
-"""Obstacles that are crossed by keyframed motion: bars, gaps, walls, drops."""
+"""Obstacles that are traversed with keyframed motion: bars, gaps, walls, drops."""

@@ -1,4 +1,4 @@
-"""Up a wall with hands and feet, and down a drop: the key poses of assets/traversal/climb.toml for a rise or fall of 0.55 to 1.5 m."""
+"""Climbing up a wall with hands and feet, and down a drop: the key poses of assets/traversal/climb.toml for 0.55 to 1.5 m."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ from runtime.traversal.keyframes import (
     timed,
 )
 
-GRAVITY = 9.81
-STEP_UP_M = 0.68  # up to which the lead foot steps from the ground onto the top
-FARTHEST_END_M = 0.28  # behind the edge, where a climber stands up
-LANDING_M = 0.52  # behind the edge, where one who got down stands up
-DEEPEST_SQUAT_FROM_M = 1.0  # a deeper squat does not fit a leg that still stands on the edge
-SHALLOWEST_M, DEEPEST_M = 0.55, 1.5  # of what is keyframed
+GRAVITY_M_PER_S2 = 9.81
+STEP_UP_M = 0.68  # rise up to which the lead foot steps from the ground onto the top
+MAX_END_M = 0.28  # behind the edge, where a climber stands up
+LANDING_M = 0.52  # behind the edge, where a character stands up after getting down
+DEEPEST_SQUAT_FROM_M = 1.0  # a deeper squat is impossible for a leg that still stands on the edge
+SHALLOWEST_M, DEEPEST_M = 0.55, 1.5  # range of heights with key poses
 
-# A climb up, posed by eye: heights of the pelvis over the ground, and of hands, metres.
-CLIMB_S, CLIMB_S_PER_M, CLIMB_M = 1.5, 1.5, 0.6  # up a wall of so many metres, and more for every further one
-TIPTOE_HIPS_M, ON_ARMS_M = 1.02, 0.34  # as it leaves the ground; over the edge, when the arms carry it
-CARRIED_M, MAX_CARRIED_HIPS_M, MIN_LIFT_M = 0.39, 1.03, 0.04  # over the edge, so that the lead foot passes
-HANGING_FRACTION, PULLED_FRACTION = 0.35, 0.8  # of the way from tiptoe onto the arms
-HANDS_OVER_EDGE_M, HANDS_REACH_M = (0.1, 0.3), (1.0, 1.25)  # before they are on the edge
+# Climb up, tuned by eye: heights of the pelvis over the ground, and of hands, metres.
+CLIMB_S, CLIMB_S_PER_M, CLIMB_M = 1.5, 1.5, 0.6  # duration up to this height, and per further metre
+TIPTOE_HIPS_M, ON_ARMS_M = 1.02, 0.34  # when leaving the ground; over the edge, when the arms carry the body
+CARRIED_M, MAX_CARRIED_HIPS_M, MIN_LIFT_M = 0.39, 1.03, 0.04  # over the edge, so that the lead foot can pass
+HANGING_FRACTION, PULLED_FRACTION = 0.35, 0.8  # of the way from tiptoe to resting on the arms
+HANDS_OVER_EDGE_M, HANDS_REACH_M = (0.1, 0.3), (1.0, 1.25)  # until they are on the edge
 
-# A way down, posed by eye. Of pairs the first is at the shallowest drop, the second at the deepest one.
+# Climb down, tuned by eye. In pairs the first value is for the shallowest drop, the second for the deepest one.
 SQUAT_S, STEP_OFF_S, STAND_UP_S = (0.45, 0.68), (0.22, 0.32), (0.6, 0.8)
 LANDING_HIPS_M, LOWEST_HIPS_M, BENT_FRACTION = (0.84, 0.76), (0.68, 0.46), (0.35, 0.6)
-SQUAT_HIPS_M, OVER_EDGE_HIPS_M, CROUCH_FRACTION = 0.74, 0.66, 0.5  # lower by so much of a deeper drop
-JUMP_M = 0.35  # deeper than the shallowest drop both feet fall; until there, the trailing one carries
-LEAVE_S, LEAVE_M, LEAVE_Z_M = (0.15, -0.09), (-0.11, 0.08), (0.19, -0.07)  # and what a jump adds
-FOLLOW_S, FOLLOW_S_PER_M, MIN_FOLLOW_S = 0.24, (0.2, 0.6), 0.04  # from one foot's landing to the other's
+SQUAT_HIPS_M, OVER_EDGE_HIPS_M, CROUCH_FRACTION = 0.74, 0.66, 0.5  # lowered by this fraction of a deeper drop
+JUMP_M = 0.35  # beyond the shallowest drop: from there both feet fall; up to there the trailing one carries
+LEAVE_S, LEAVE_M, LEAVE_Z_M = (0.15, -0.09), (-0.11, 0.08), (0.19, -0.07)  # added by a jump
+FOLLOW_S, FOLLOW_S_PER_M, MIN_FOLLOW_S = 0.24, (0.2, 0.6), 0.04  # from the first landing foot to the other
 CLEAR_FRACTION, PASSING_FRACTION = 0.22, 0.55  # of the trailing foot's way down
 SOFT_FRACTION, HANGING_LAND_FRACTION, PASSING_DROP_FRACTION = 0.75, 0.6, 0.4
-LOWEST_ANKLE_M = 0.06  # over the lower ground
-STEPPING_LEG_M, HANGING_LEG_M, PASSING_LEG_M = 0.7, 0.84, 0.72  # from the pelvis down to a foot
+LOWEST_ANKLE_M = 0.06  # above the lower ground
+STEPPING_LEG_M, HANGING_LEG_M, PASSING_LEG_M = 0.7, 0.84, 0.72  # from the pelvis to a foot
 _TERM = re.compile(r"([+-]?[\d.]*)\*?([a-z_]*)")
 _Names = Mapping[str, float]
 
@@ -57,7 +57,7 @@ def _keys() -> dict[str, Any]:
 
 
 def _value(cell: float | str, names: _Names) -> float:
-    """A cell of the file: a number, or a sum of numbers, names and products of both."""
+    """Evaluate a cell of the file: a number, or a sum of numbers, names and their products."""
     if not isinstance(cell, str):
         return float(cell)
     total = 0.0
@@ -69,7 +69,7 @@ def _value(cell: float | str, names: _Names) -> float:
 
 
 def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names) -> KeyframedMotion:
-    """The key poses of a kind, whose times go to `whole`, with `names` in place of the file's; seconds at tempo 1."""
+    """Return the key poses of a kind, stretched to `whole` seconds, with `names` substituted; seconds are at tempo 1."""
     keys = _keys()[kind]
     scale = seconds / whole
 
@@ -101,19 +101,19 @@ def _motion(kind: str, rise: float, seconds: float, whole: float, names: _Names)
 
 
 def _climb(rise: float, start: float, end: float) -> KeyframedMotion:
-    """Up a wall: heights of the pelvis over a standing one's, and of the hands before they are on the edge."""
+    """Climb up a wall; pelvis heights are relative to standing, hand heights apply until the hands are on the edge."""
     support = rise + ON_ARMS_M
 
     def height(fraction: float) -> float:
         return TIPTOE_HIPS_M + (support - TIPTOE_HIPS_M) * fraction - STANDING_HIPS_M
 
-    # on tiptoe and on the arms, so that the lead foot passes
+    # on tiptoe and on the arms, so that the lead foot can pass
     carried = min(CARRIED_M + rise, MAX_CARRIED_HIPS_M) - STANDING_HIPS_M
     over = max(rise + HANDS_OVER_EDGE_M[0], min(HANDS_REACH_M[0], rise + HANDS_OVER_EDGE_M[1]))
     names = {
         "rise": rise, "start": start, "end": end, "carried": carried, "lifted": max(MIN_LIFT_M, carried),
         "tiptoe": height(0.0), "hanging": height(HANGING_FRACTION), "pulled": height(PULLED_FRACTION), "supported": height(1.0),
-        # near the second place of the hand: an arm that swings there while its weight is small could turn over
+        # near the second hand position: an arm that swings there at low weight could flip
         "over": over, "before": min(over, HANDS_REACH_M[1]),
     }  # fmt: skip
     kind = "step_up" if rise < STEP_UP_M else "pull_up"
@@ -121,9 +121,9 @@ def _climb(rise: float, start: float, end: float) -> KeyframedMotion:
 
 
 def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
-    """Squat, step off, free fall to the ground, and as much bending as stops it evenly.
+    """Squat, step off, free fall to the ground, and bend the legs for an even deceleration.
 
-    Heights are those of the pelvis over the upper ground, `t_` the seconds at which it has them.
+    Heights are those of the pelvis over the upper ground, `t_` their times in seconds.
     """
     deeper = drop - SHALLOWEST_M
     k = deeper / (DEEPEST_M - SHALLOWEST_M)
@@ -140,9 +140,9 @@ def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
     t_squat = mix(SQUAT_S)
     t_over = t_squat + mix(STEP_OFF_S)
     t_leave = t_over + LEAVE_S[0] + LEAVE_S[1] * jump
-    speed = (over - leave) / (t_leave - t_over)  # downwards, m/s, where the trailing foot leaves the edge
-    landing = sqrt(speed * speed + 2.0 * GRAVITY * max(leave - land, 0.0))
-    t_land = t_leave + (landing - speed) / GRAVITY
+    speed = (over - leave) / (t_leave - t_over)  # m/s downwards when the trailing foot leaves the edge
+    landing = sqrt(speed * speed + 2.0 * GRAVITY_M_PER_S2 * max(leave - land, 0.0))
+    t_land = t_leave + (landing - speed) / GRAVITY_M_PER_S2
     t_low = t_land + 2.0 * (land - low) / landing
     seconds = t_low + mix(STAND_UP_S)
     # when the trailing foot lands
@@ -153,7 +153,7 @@ def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
     t_middle = 0.5 * (t_leave + t_land)
 
     def fallen(t: float) -> float:
-        return leave - (t - t_leave) * (speed + 0.5 * GRAVITY * (t - t_leave))
+        return leave - (t - t_leave) * (speed + 0.5 * GRAVITY_M_PER_S2 * (t - t_leave))
 
     lowest = LOWEST_ANKLE_M - drop
     hanging = (1.0 - HANGING_LAND_FRACTION) * leave + HANGING_LAND_FRACTION * land - HANGING_LEG_M
@@ -163,7 +163,7 @@ def _let_down(drop: float, start: float, end: float) -> KeyframedMotion:
         "soft": land + SOFT_FRACTION * (low - land), "bent": mix(BENT_FRACTION), "leave_z": LEAVE_Z_M[0] + LEAVE_Z_M[1] * jump,
         "t_squat": t_squat, "t_over": t_over, "t_leave": t_leave, "t_middle": t_middle, "t_land": t_land, "t_low": t_low,
         "t_clear": t_clear, "t_passing": t_passing, "t_follow": t_follow,
-        # feet: of the lead one beside the edge, and of both on bent legs in the fall
+        # feet: the lead foot beside the edge, and both on bent legs in the fall
         "stepping": max(lowest, over - STEPPING_LEG_M), "hanging": max(lowest, hanging),
         "passing": max(fallen(t_passing) - PASSING_LEG_M, lowest) + PASSING_DROP_FRACTION * drop,
     }  # fmt: skip
@@ -174,12 +174,12 @@ class Climb:
     """A keyframed climb onto a wall (hands on the edge, a foot on top, stand) or down a drop (squat, step off, land, stand)."""
 
     def __init__(self, rise: float, start_z: float, depth: float, tempo: float = 1.0) -> None:
-        """`rise` metres up, or below 0 down, from a root at `start_z` < 0.
+        """`rise` is in metres, negative for down; the root starts at `start_z` < 0.
 
-        A wall's top is `depth` thick, a drop does not use it; `tempo` over 1 is faster.
+        `depth` is the thickness of a wall's top, unused for a drop; `tempo` above 1 is faster.
         """
         if rise > 0.0:
-            self._motion = _climb(rise, start_z, min(FARTHEST_END_M, 0.5 * depth))
+            self._motion = _climb(rise, start_z, min(MAX_END_M, 0.5 * depth))
         else:
             self._motion = _let_down(-rise, start_z, LANDING_M)
         self._tempo = tempo

@@ -1,8 +1,8 @@
-"""A jump: the body is thrown up at once, in whatever gait and style it is; everything else is the network's.
+"""A jump in the present gait and style: the hips are keyframed, everything else is the network's.
 
-The network goes on in its gait with its rhythm held back, so that the foot that comes down is the next one. The hips are
-pushed up from the foot that stands (from both at rest), fly as a thrown body does, and give way where they come down. It
-works on the pose before foot lock, which holds the feet that stand.
+The network continues its gait with its phase slowed, so that the next foot lands as planned. The hips are
+pushed up from the standing foot (from both at rest), follow a ballistic arc, and give way at the landing. It
+modifies the pose before foot lock, which holds the standing feet.
 """
 
 from __future__ import annotations
@@ -39,59 +39,59 @@ from runtime.terrain.height_map import PointHeights, Terrain
 from runtime.traversal.keyframes import bend_trunk, quaternions, swing_arms
 from runtime.traversal.planned_steps import PlannedSteps
 
-GRAVITY = 9.81
+GRAVITY_M_PER_S2 = 9.81
 STAGES = ("", "push", "flight", "land")
-BOTH = 2  # feet that push
+BOTH = 2  # both feet push
 PUSH_S = 0.25  # from the button to the take-off
 FIRST_FRAME_S = 1.5 * DT  # until then a push is in its first frame
-WHOLE_PUSH_FRACTION = 1.0 - 1e-6  # of a push: more is all of it
-MAX_NUMBER = 1e4  # m, m/s and s of a jump from a file
-RISE_M = 0.36  # of the hips over their mean height, at the top
-OFF_M = 0.09  # of that at the take-off, on tiptoe
-LAND_M = 0.06  # over the incoming pose they come down
-GIVE_RATES = (6.5, 7.0, 7.5)  # 1/s of the spring that gives way: at rest, in a walk, in a jog
-DEEPEST_M = 0.45  # that it gives way: a squat, also after a fall from a cliff
-LAND_S = 1.0  # until nothing of it is left
-TIPTOE_M = 0.02  # that the hips are raised: the heel leaves the ground
-EXTENDED_S = 0.14  # after the take-off and before the landing, in which legs are stretched
-FOLD_S = 0.2  # in which they fold
-HIGHEST_M = 0.25  # over the ground, a foot is put down wholly
-SET_S = 0.1  # in which a foot that pushes is put down
-HANG_M, HANG_S = 0.05, 0.3  # that the foot which pushed hangs at the landing, and until it comes down
+WHOLE_PUSH_FRACTION = 1.0 - 1e-6  # of a push: more counts as complete
+MAX_NUMBER = 1e4  # m, m/s and s of a jump read from a file
+APEX_M = 0.36  # of the hips above their mean height, at the apex
+TAKE_OFF_M = 0.09  # the part of it reached at take-off, on tiptoe
+LAND_M = 0.06  # hip height above the incoming pose at landing
+YIELDS_PER_S = (6.5, 7.0, 7.5)  # 1/s, rates of the spring that gives way: at rest, in a walk, in a jog
+MAX_YIELD_M = 0.45  # limit of giving way: a squat, also after a fall from a cliff
+LAND_S = 1.0  # until the landing has fully decayed
+TIPTOE_M = 0.02  # rise of the hips at which the heel leaves the ground
+EXTENDED_S = 0.14  # after the take-off and before the landing, when legs are stretched
+FOLD_S = 0.2  # in which the legs fold
+PUT_DOWN_HEIGHT_M = 0.25  # height above the ground at which a foot is still put down fully
+SET_S = 0.1  # in which a pushing foot is put down
+HANG_M, HANG_S = 0.05, 0.3  # height of the pushing foot at landing, and time until it lands
 CARRIED_S = 0.3  # in which the network's own speed and height take over
-MOVING_SPEED_M_PER_S = 0.3  # m/s: slower, both feet push
-HOLD_S = 0.1  # for which a foot that comes down stays
-FARTHEST_M = 0.25  # behind the hip; from there it goes with the body, wholly at twice that
-FARTHEST_PUSH_M = 0.38  # behind the hip a foot pushes
-STANDS_M = 0.02  # over the ground: a foot stands
-AHEAD_M = 0.12  # a foot is to be, before the rhythm waits for it
-UPPER_HALF_LIFE = 0.06
-REST_HALF_LIFE = 0.3  # seconds, of the mean height
-# of a stride since the foot that pushes came down, at the take-off; jogging
-OFF_SHARE = ((0.36, 0.47), (0.25, 0.34))
+MOVING_SPEED_M_PER_S = 0.3  # slower, both feet push
+HOLD_S = 0.1  # for which a landed foot is held
+MAX_BEHIND_M = 0.25  # behind the hip; farther back it moves with the body, fully at twice that
+MAX_PUSH_BEHIND_M = 0.38  # behind the hip, limit of a pushing foot
+STANDING_HEIGHT_M = 0.02  # above the ground: a lower foot stands
+AHEAD_M = 0.12  # how far ahead a foot must be before the phase waits for it
+UPPER_BODY_HALF_LIFE_S = 0.06
+REST_HALF_LIFE_S = 0.3  # seconds, of the mean height
+# of a stride since the pushing foot landed, at take-off; jogging
+TAKE_OFF_STRIDE_FRACTION = ((0.36, 0.47), (0.25, 0.34))
 RUNNING_SPEED_M_PER_S = 1.7  # m/s
-# m/s ahead from which feet are wholly that far apart; at half of it they are not
+# m/s of forward speed at which feet are fully that far apart; from half of it
 FULL_STRIDE_SPEED_M_PER_S = 0.6
-WAKE_S = 0.1  # before the landing it goes on
-MAX_RHYTHM_RATIO = 2.0  # of the network's rhythm, before the take-off
-SWINGING_RHYTHM_RATIO = 0.7  # of it in flight, until the foot that comes down is ahead,
-FLYING_RHYTHM_RATIO = 0.12  # and from then on
-# it changes by in a frame at most: elbows would bend their course by 8 degrees
+WAKE_S = 0.1  # before the landing the phase resumes
+MAX_RHYTHM_RATIO = 2.0  # of the network's phase rate, before the take-off
+SWINGING_RHYTHM_RATIO = 0.7  # of it in flight, until the landing foot is ahead,
+FLYING_RHYTHM_RATIO = 0.12  # and afterwards
+# change per frame at most: more would bend the elbows' course by 8 degrees
 MAX_RHYTHM_CHANGE_RATIO = 0.18
-EASE_S = 0.1  # in which a push comes to its rate
-LEG_SHARE = 0.985  # of its length that a pushing leg spans,
-BENT_SHARE = 0.955  # and one that is to give way,
-YIELDING_RATE_PER_S, YIELD_S, YIELDED_SHARE = 24.0, 0.12, 0.88  # by so much, 1/s2, for so long, so far
-TUCK_M = 0.10  # that feet are drawn up in flight
-POINTED_TOES_RAD = 0.5  # radians, toes down in flight
-APART_M = (0.3, 0.42)  # that the feet are before and behind the hips in the flight of a walk, of a jog
-JUMP_LEAN_RAD = 0.22  # radians, of the trunk before and after
-# radians that hanging arms are swung back before and up in the flight, at rest; half of it going
-SWING = 0.45, 0.9
+EASE_S = 0.1  # in which a push reaches its rate
+PUSH_SPAN_FRACTION = 0.985  # of its length that a pushing leg spans,
+YIELD_SPAN_FRACTION = 0.955  # and one that is to give way,
+YIELDING_RATE_PER_S, YIELD_S, YIELDED_SPAN_FRACTION = 24.0, 0.12, 0.88  # rate (1/s2), time and final span
+TUCK_M = 0.10  # by which feet are drawn up in flight
+POINTED_TOES_RAD = 0.5  # toes down in flight
+APART_M = (0.3, 0.42)  # distance of the feet ahead of and behind the hips in flight, in a walk and in a jog
+JUMP_LEAN_RAD = 0.22  # of the trunk, before and after
+# radians that hanging arms swing back before, and up in flight, at rest; half as much when moving
+ARM_SWING_RAD = 0.45, 0.9
 LEGS = (leg_bones(0), leg_bones(1))
-# cosine of an upper arm with the vertical from which it swings, and to swing wholly
+# cosine of an upper arm with the vertical from which it swings, and swings fully
 SWING_BACK_FRACTION, LANDS_S = 0.4, 0.15  # of the push; before and after a landing
-# fractions of the swing up before it, and of that back after it
+# fractions of the upward swing before it, and of the return after it
 LANDING_SWING_FRACTION, LANDED_SWING_FRACTION = 0.4, 0.3
 
 
@@ -102,22 +102,22 @@ class Jump:
     stage: str = field(default="", metadata={"choices": STAGES})
     time: float = 0.0  # s in this stage
     pressed: bool = False  # the button was down in the last frame
-    # requested when the button was not
+    # gait requested while the button was up
     gait: int = field(default=int(Gait.WALK), metadata={"most": max(Gait)})
-    foot: int = field(default=BOTH, metadata={"most": BOTH})  # that pushes: 0 left, 1 right, or both
-    rate: float = 1.0  # of the network's rhythm
+    foot: int = field(default=BOTH, metadata={"most": BOTH})  # pushing foot: 0 left, 1 right, or both
+    rate: float = 1.0  # of the network's phase
     rest: float = 0.95  # mean height of the hips over the ground, m
-    hips: float = 0.0  # height of the hips as shown, m,
-    speed: float = 0.0  # and their speed, m/s
-    begin: tuple[float, float] = (0.0, 0.0)  # height and speed of the hips where the stage began
+    hips: float = 0.0  # shown height of the hips, m,
+    speed: float = 0.0  # and its speed, m/s
+    begin: tuple[float, float] = (0.0, 0.0)  # height and speed of the hips at the start of the stage
     aim: tuple[float, float] = (0.0, 0.0)  # height and speed at the end of the push
-    ripe: bool = False  # the foot that is to come down is as far ahead as it goes
-    lead: float = 0.0  # m of the foot that does not push before the hips, in the network's pose
-    spot: tuple[float, float] | None = None  # XZ of the toe that stands
-    shift: tuple[float, float] = (0.0, 0.0)  # m that it is therefore moved
-    give: float = GIVE_RATES[0]
-    over: float = 0.0  # m of the hips over the incoming pose,
-    high: float = 0.0  # and over their mean height
+    ripe: bool = False  # the foot that will land is as far ahead as it gets
+    lead: float = 0.0  # m that the other foot is ahead of the hips, in the network's pose
+    spot: tuple[float, float] | None = None  # XZ of the standing toe
+    shift: tuple[float, float] = (0.0, 0.0)  # m by which that foot is moved for it
+    give: float = YIELDS_PER_S[0]
+    over: float = 0.0  # m of the hips above the incoming pose,
+    high: float = 0.0  # and above their mean height
     velocity: tuple[float, float] = (0.0, 0.0)  # of the root in flight, XZ, m/s
     swing: float = 0.0  # radians of the arms,
     swing_speed: float = 0.0
@@ -155,7 +155,7 @@ class Jump:
 
     @property
     def pace(self) -> float:
-        """Rate at which the network's rhythm runs in this frame, 1 as usual; it eases in during the push."""
+        """Rate of the network's phase in this frame, 1 normally; it eases in during the push."""
         if self.stage != "push":
             return self.rate
         return 1.0 + (self.rate - 1.0) * min(self.time / EASE_S, 1.0)
@@ -209,10 +209,10 @@ class Jump:
         if speed > MOVING_SPEED_M_PER_S and steps.stance is not None:
             self.foot = steps.stance
             done = steps.elapsed / steps.seconds
-            least, most = OFF_SHARE[speed > RUNNING_SPEED_M_PER_S]
+            least, most = TAKE_OFF_STRIDE_FRACTION[speed > RUNNING_SPEED_M_PER_S]
             toe, hip = (pose.positions[LEGS[self.foot].joints[k]].astype(np.float64) for k in (4, 1))
             ahead = ((toe - hip)[[0, 2]] @ np.array(velocity)) / speed
-            if speed * PUSH_S - ahead > FARTHEST_PUSH_M:  # the other foot is nearer to where it is needed
+            if speed * PUSH_S - ahead > MAX_PUSH_BEHIND_M:  # the other foot is closer to its landing
                 self.foot, done = 1 - self.foot, done - 0.5
             goal = min(max(done + PUSH_S / steps.seconds, least), most)
             self.rate = min(max((goal - done) * steps.seconds / PUSH_S, 0.0), MAX_RHYTHM_RATIO)
@@ -232,26 +232,26 @@ class Jump:
                 self.stage = ""
         if self.stage == "":
             self.hips = incoming
-            self.rest += (incoming - ground - self.rest) * (1.0 - 0.5 ** (DT / REST_HALF_LIFE))
+            self.rest += (incoming - ground - self.rest) * (1.0 - 0.5 ** (DT / REST_HALF_LIFE_S))
         self.speed = (self.hips - before) / DT
         self.over, self.high = self.hips - incoming, self.hips - mean
         self._move_upper()
 
     def _push(self, mean: float, root: tuple[float, float]) -> None:
-        """From where the hips are to the take-off; `mean` is their height at rest, m."""
+        """Move the hips from their height to the take-off; `mean` is their height at rest, m."""
         fraction = min(self.time / PUSH_S, 1.0)
         if self.time <= FIRST_FRAME_S:
-            self.aim = (mean + OFF_M, sqrt(2.0 * GRAVITY * (RISE_M - OFF_M)))
+            self.aim = (mean + TAKE_OFF_M, sqrt(2.0 * GRAVITY_M_PER_S2 * (APEX_M - TAKE_OFF_M)))
         self.hips = _hermite(fraction, self.begin, self.aim, PUSH_S)
         if fraction >= WHOLE_PUSH_FRACTION:
             self.stage, self.time, self.velocity = "flight", 0.0, root
             self.begin = self.aim
 
     def _fly(self, mean: float) -> None:
-        """Fall freely, with the rhythm held back, until the hips are at `mean` (m) again."""
+        """Fall freely, with the phase slowed, until the hips are back at `mean` (m)."""
         t = self.time
-        self.hips = self.begin[0] + self.begin[1] * t - 0.5 * GRAVITY * t * t
-        falls = self.begin[1] - GRAVITY * t
+        self.hips = self.begin[0] + self.begin[1] * t - 0.5 * GRAVITY_M_PER_S2 * t * t
+        falls = self.begin[1] - GRAVITY_M_PER_S2 * t
         going = FLYING_RHYTHM_RATIO if self.ripe else SWINGING_RHYTHM_RATIO
         goal = 1.0 if self.foot == BOTH or self._wakes() else going
         self.rate += min(max(goal - self.rate, -MAX_RHYTHM_CHANGE_RATIO), MAX_RHYTHM_CHANGE_RATIO)
@@ -259,7 +259,7 @@ class Jump:
             self.stage, self.time, self.spot = "land", 0.0, None
             self.begin = (self.hips - mean, falls)
             fast = hypot(*self.velocity) > RUNNING_SPEED_M_PER_S
-            self.give = max(GIVE_RATES[0 if self.foot == BOTH else 1 + fast], -falls / (e * DEEPEST_M))
+            self.give = max(YIELDS_PER_S[0 if self.foot == BOTH else 1 + fast], -falls / (e * MAX_YIELD_M))
             self.rate = 1.0
 
     def pose(
@@ -275,7 +275,7 @@ class Jump:
         for side in (0, 1):
             leg, bones = leg_forward(LEGS[side], (x, y, z), incoming), LEGS[side]
             high = leg.toe[1] - TOE_HEIGHT - ground.height(leg.toe[0], leg.toe[2])
-            high = min(max(high, 0.0), HIGHEST_M)
+            high = min(max(high, 0.0), PUT_DOWN_HEIGHT_M)
             up, contact = self._foot(side, high)
             if contact is not None:
                 shown[2 * side : 2 * side + 2] = contact
@@ -288,7 +288,7 @@ class Jump:
         return np.array(place), np.array(mine), shown
 
     def _foot(self, side: int, high: float) -> tuple[float, tuple[float, float] | None]:
-        """Metres of a foot over the incoming one, which is `high`, and its contacts (heel, toe) where they are others."""
+        """Return a foot's height (metres) above the incoming one, which is at `high`, and its contacts (heel, toe) if changed."""
         pushes = self.foot in (BOTH, side)
         lands = self.foot in (BOTH, 1 - side)
         if self.stage == "push":
@@ -297,7 +297,7 @@ class Jump:
                 return -down, (float(self.over < TIPTOE_M), 1.0)
             return max(self.over, 0.0), (0.0, 0.0)
         if self.stage == "flight":
-            extended = (OFF_M + high) * (1.0 - smoothstep(self.time / EXTENDED_S)) if pushes else 0.0
+            extended = (TAKE_OFF_M + high) * (1.0 - smoothstep(self.time / EXTENDED_S)) if pushes else 0.0
             extended -= TUCK_M * self.flies
             extended += smoothstep(1.0 - self._left() / EXTENDED_S) * (
                 self.over - self.high + LAND_M + high if lands else -HANG_M
@@ -311,7 +311,7 @@ class Jump:
         return (LAND_M + HANG_M) * hangs, (0.0, 0.0) if hangs > 0.0 else None
 
     def _wait_for(self, leg: LegPose) -> None:
-        """Hold the rhythm back once the foot that is to come down is as far ahead as it goes."""
+        """Slow the phase once the foot that will land is as far ahead as it gets."""
         lead = dot(_ahead(leg), subtract(leg.toe, leg.hip))
         self.ripe = self.ripe or AHEAD_M < lead < self.lead
         self.lead = lead
@@ -323,9 +323,9 @@ class Jump:
         return self.stage == "flight" and self.high > LAND_M and self._left() < WAKE_S
 
     def _left(self) -> float:
-        """Seconds of a flight that are left, over ground as it is now."""
-        high, falls = self.high - LAND_M, self.begin[1] - GRAVITY * self.time
-        return (falls + sqrt(max(falls * falls + 2.0 * GRAVITY * high, 0.0))) / GRAVITY
+        """Remaining seconds of the flight, over the present ground."""
+        high, falls = self.high - LAND_M, self.begin[1] - GRAVITY_M_PER_S2 * self.time
+        return (falls + sqrt(max(falls * falls + 2.0 * GRAVITY_M_PER_S2 * high, 0.0))) / GRAVITY_M_PER_S2
 
     @property
     def flies(self) -> float:
@@ -335,16 +335,18 @@ class Jump:
         return smoothstep(self.time / FOLD_S) * smoothstep(self._left() / FOLD_S)
 
     def _spans(self) -> float:
-        """Share of its length that a leg spans at most: bent before it comes down, and then as fast as a knee can."""
+        """Return the fraction of its length that a leg may span: bent before landing, then extending as fast as a knee can."""
         if self.stage == "flight":
-            return LEG_SHARE + (BENT_SHARE - LEG_SHARE) * smoothstep(self.time / FOLD_S)
+            return PUSH_SPAN_FRACTION + (YIELD_SPAN_FRACTION - PUSH_SPAN_FRACTION) * smoothstep(
+                self.time / FOLD_S
+            )
         if self.stage == "land":
-            soon = max(BENT_SHARE - YIELDING_RATE_PER_S * self.time**2, YIELDED_SHARE)
-            return soon + (LEG_SHARE - soon) * smoothstep((self.time - YIELD_S) / YIELD_S)
-        return LEG_SHARE
+            soon = max(YIELD_SPAN_FRACTION - YIELDING_RATE_PER_S * self.time**2, YIELDED_SPAN_FRACTION)
+            return soon + (PUSH_SPAN_FRACTION - soon) * smoothstep((self.time - YIELD_S) / YIELD_S)
+        return PUSH_SPAN_FRACTION
 
     def _placed(self, side: int, leg: LegPose, up: float, high: float) -> tuple[Vector, Quaternion]:
-        """Ankle and world rotation of a foot `up` metres over the incoming one, rolled over its toe where the leg is too short."""
+        """Ankle and world rotation of a foot `up` metres above the incoming one, rolled over its toe if the leg is too short."""
         bones, flies = LEGS[side], self.flies
         hip = leg.raised(self.over)
         toe = (leg.toe[0], leg.toe[1] + up, leg.toe[2])
@@ -373,7 +375,7 @@ class Jump:
         return ankle, foot
 
     def _shifted(self, side: int, toe: Vector, hip: Vector, way: Vector, high: float) -> tuple[float, float]:
-        """Metres (XZ) by which a foot is moved so that it stays where it stands, before and after the flight."""
+        """Shift (metres, XZ) that keeps a foot where it stands, before and after the flight."""
         pushes = self.stage == "push"
         if side != (self.foot if pushes or self.stage == "flight" else 1 - self.foot):
             return 0.0, 0.0
@@ -381,7 +383,7 @@ class Jump:
             left = 1.0 - smoothstep(self.time / FOLD_S)
             return self.shift[0] * left, self.shift[1] * left
         if self.spot is None:
-            if pushes and self.time <= SET_S and high >= STANDS_M:
+            if pushes and self.time <= SET_S and high >= STANDING_HEIGHT_M:
                 return 0.0, 0.0
             self.spot = (toe[0], toe[2])
         held = 1.0 if pushes else self._held(self.spot, hip, way)
@@ -389,13 +391,13 @@ class Jump:
         return self.shift
 
     def _held(self, spot: tuple[float, float], hip: Vector, way: Vector) -> float:
-        """How far a foot that came down at `spot` still stays there: it goes with a body that leaves it behind."""
+        """Weight with which a foot that landed at `spot` is held there: a body that moves on takes it along."""
         behind = -dot(way, (spot[0] - hip[0], 0.0, spot[1] - hip[2]))
         held = 1.0 - smoothstep((self.time - HOLD_S) / HOLD_S)
-        return held * (1.0 - smoothstep((behind - FARTHEST_M) / FARTHEST_M))
+        return held * (1.0 - smoothstep((behind - MAX_BEHIND_M) / MAX_BEHIND_M))
 
     def _apart(self, side: int, leg: LegPose) -> Vector:
-        """The way of a foot to where it is in a leap: before or behind the hips, as far as the body goes where it faces."""
+        """Shift of a foot in flight: ahead of or behind the hips, as far as the body moves in its facing direction."""
         way = _ahead(leg)
         speed = self.velocity[0] * way[0] + self.velocity[1] * way[2]
         fraction = min(max(2.0 * speed / FULL_STRIDE_SPEED_M_PER_S - 1.0, 0.0), 1.0)
@@ -403,14 +405,14 @@ class Jump:
         return scale(way, fraction * (goal - dot(way, subtract(leg.toe, leg.hip))))
 
     def _trunk_and_arms(self, mine: list[Quaternion]) -> None:
-        """Bend the trunk and swing the arms, as far as they hang, in place."""
+        """Bend the trunk and swing hanging arms, in place."""
         bend_trunk(mine, self.lean, 0.0, -0.5 * self.lean)
         swing_arms(mine, self.swing)
 
     def _move_upper(self) -> None:
-        """Let trunk and arms follow: back and down, up in the flight, and forward as the landing gives way."""
+        """Animate trunk and arms: back and down, up in the flight, and forward when the landing gives way."""
         fraction = 1.0 if self.foot == BOTH else 0.5
-        back, up = fraction * SWING[0], -fraction * SWING[1]
+        back, up = fraction * ARM_SWING_RAD[0], -fraction * ARM_SWING_RAD[1]
         if self.stage == "push":
             swing, lean = (back, JUMP_LEAN_RAD) if self.time < SWING_BACK_FRACTION * PUSH_S else (up, 0.0)
         elif self.stage == "flight":
@@ -421,8 +423,8 @@ class Jump:
             swing, lean = LANDED_SWING_FRACTION * back, JUMP_LEAN_RAD
         else:
             swing, lean = 0.0, 0.0
-        self.swing, self.swing_speed = damp(self.swing, self.swing_speed, swing, UPPER_HALF_LIFE, DT)
-        self.lean, self.lean_speed = damp(self.lean, self.lean_speed, lean, UPPER_HALF_LIFE, DT)
+        self.swing, self.swing_speed = damp(self.swing, self.swing_speed, swing, UPPER_BODY_HALF_LIFE_S, DT)
+        self.lean, self.lean_speed = damp(self.lean, self.lean_speed, lean, UPPER_BODY_HALF_LIFE_S, DT)
 
 
 def _ahead(leg: LegPose) -> Vector:
@@ -433,12 +435,12 @@ def _ahead(leg: LegPose) -> Vector:
 
 
 def _hermite(fraction: float, begin: tuple[float, float], end: tuple[float, float], seconds: float) -> float:
-    """Height at `fraction` of `seconds` between heights and speeds at both ends."""
+    """Hermite interpolation at `fraction` of `seconds`, between heights and speeds at both ends."""
     s, v = fraction, 1.0 - fraction
     a, b = (1.0 + 2.0 * s) * v * v, s * s * (3.0 - 2.0 * s)
     return a * begin[0] + b * end[0] + seconds * (s * v * v * begin[1] - s * s * v * end[1])
 
 
 def _giving(t: float, rate: float, over: float, speed: float) -> float:
-    """Height over the incoming pose `t` seconds after a landing `over` it at `speed`: a damped spring of that rate (1/s)."""
+    """Height above the incoming pose `t` seconds after landing at `over` with `speed`: a damped spring of that rate (1/s)."""
     return (over + (speed + rate * over) * t) * exp(-rate * t)

@@ -1,7 +1,7 @@
-"""Keyframed motion over an incoming pose: splines of keys for pelvis, trunk, feet and hands, and IK that follows them.
+"""Keyframed motion over an incoming pose: splined keys for pelvis, trunk, feet and hands, and IK that follows them.
 
-A traversal's frame: x to the character's left, y up from the ground at its start, z along the path (metres). What no key
-moves keeps the incoming pose's joint angles, so a style stays visible. Plain floats: see `runtime.scalar_math`.
+A traversal's frame: x to the character's left, y up from the ground at its start, z along the path (metres). Joints
+without keys keep the incoming pose's angles, so a style stays visible. Plain floats: see `runtime.scalar_math`.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ Arm = tuple[int, int, int, int]
 
 LEGS = (leg_bones(0), leg_bones(1))
 SPINE = tuple(SPORT_SKELETON.index(name) for name in ("LowerBack", "Spine", "Spine1"))
-SPINE_SHARES = (0.4, 0.35, 0.25)  # of a lean: most of it low in the back
+SPINE_FRACTIONS = (0.4, 0.35, 0.25)  # distribution of a lean: most of it low in the back
 NECK = tuple(SPORT_SKELETON.index(name) for name in ("Neck", "Neck1"))
 ARMS: tuple[Arm, Arm] = ((17, 18, 19, 20), (24, 25, 26, 27))  # shoulder, upper arm, forearm, hand
 EASY_LEG_M, LEG_SLACK_M = 0.78, 0.035  # of a leg of 0.835 m
 _OFFSETS: tuple[Vector, ...] = tuple((float(x), float(y), float(z)) for x, y, z in SPORT_SKELETON.offsets)
 RIGHT_ANGLE_RAD = 1.5708
-MIN_ARC_SINE = 1e-4  # a shorter arc is taken for a straight line
-MIN_ARM_OPENING_M = 1e-3  # of the wrist from where an arm is folded wholly
-LEVEL_TOES_FRACTION = 0.7  # of a raised heel's pitch that the toes take back; chosen by eye
-CONTACT_CHANGE_FRACTION = 0.012  # of a motion, in which a contact comes or goes; chosen by eye
+MIN_ARC_SINE = 1e-4  # a shorter arc is treated as a straight line
+MIN_ARM_OPENING_M = 1e-3  # distance of the wrist from a fully folded arm's position
+LEVEL_TOES_FRACTION = 0.7  # of a raised heel's pitch that the toes compensate; chosen by eye
+CONTACT_CHANGE_FRACTION = 0.012  # of a motion, over which a contact changes; chosen by eye
 MIN_HANGING_COSINE, HANGING_COSINE_WIDTH = 0.2, 0.6
 
 
@@ -57,22 +57,22 @@ class TraversalPose:
     """A pose of a traversal, in the traversal's own frame."""
 
     hips: Array  # (3,) metres
-    local: Array  # (31, 4) rotations relative to the parent; those of the hips are in the traversal's frame
+    local: Array  # rotations relative to the parent; the hips' are in the traversal's frame
     contacts: Array  # (4,) 0..1: left heel, left toe, right heel, right toe
 
 
 class Track:
-    """A cubic spline through keys, without overshoot, constant before the first and after the last."""
+    """A cubic spline through keys without overshoot, constant before the first and after the last key."""
 
     def __init__(self, keys: Sequence[Sequence[float]]) -> None:
-        """`keys`: rows of a time in seconds, rising, and the values there."""
+        """`keys` are rows of a time in seconds, ascending, and the values at it."""
         rows = np.array(keys, np.float64)
         times, values = rows[:, 0], rows[:, 1:]
         gaps = np.diff(times)[:, None]
         slopes = np.diff(values, axis=0) / gaps
         tangents = np.zeros_like(values)
         before, behind = slopes[:-1], slopes[1:]
-        # weighted harmonic mean (Fritsch and Butland): zero where the curve turns round, so that holds stay holds
+        # weighted harmonic mean (Fritsch and Butland): zero at extrema, so that held values stay constant
         w1, w2 = 2.0 * gaps[1:] + gaps[:-1], gaps[1:] + 2.0 * gaps[:-1]
         same = before * behind > 0.0
         below = np.where(same, w1 * behind + w2 * before, 1.0)
@@ -125,14 +125,14 @@ def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
 
 def bend_trunk(local: list[Quaternion], lean: float, twist: float, look: float) -> None:
     """Rotate spine and neck in place (radians): lean forward, twist to the left, and look down."""
-    for joint, fraction in zip(SPINE, SPINE_SHARES, strict=True):
+    for joint, fraction in zip(SPINE, SPINE_FRACTIONS, strict=True):
         local[joint] = multiply(from_vector((fraction * lean, fraction * twist, 0.0)), local[joint])
     for joint in NECK:
         local[joint] = multiply(from_vector((0.5 * look, 0.0, 0.0)), local[joint])
 
 
 def swing_arms(local: list[Quaternion], swing: float) -> None:
-    """Swing the arms in place, as far as they hang: radians, backwards above 0."""
+    """Swing hanging arms in place: radians, backwards if positive."""
     for _, upper, fore, _ in ARMS:
         down = -rotate(local[upper], _OFFSETS[fore])[1] / length(_OFFSETS[fore])
         hangs = smoothstep((down - MIN_HANGING_COSINE) / HANGING_COSINE_WIDTH)
@@ -151,7 +151,7 @@ def place_foot(
     """Bend one leg in place so that its toe joint is at `toe` and its foot has the rotation `foot`; return the knee's position.
 
     `knee_out` (radians) turns the knee outwards about the hip-ankle line. A leg that is `free` (0..1) never gets
-    straight, since a straight knee unlocks at any speed.
+    straight, since a straight knee bends at unlimited speed.
     """
     bones = LEGS[side]
     leg = leg_forward(bones, hips, local)
@@ -188,7 +188,7 @@ def place_hand(
 ) -> None:
     """Bend one arm in place so that its wrist is at `wrist` and its hand has the rotation `hand`, blended by `weight` (0..1).
 
-    The elbow points towards `pole`. The forearm takes part of the hand's twist, as its two bones do.
+    The elbow points towards `pole`. The forearm takes a part of the hand's twist, as its two bones do.
     """
     base, place = shoulder_frame(local, side, hips)
     _, upper_joint, fore_joint, hand_joint = ARMS[side]
@@ -200,7 +200,7 @@ def place_hand(
     c = min(1.0, max(-1.0, (a * a + reach * reach - b * b) / (2.0 * a * reach)))
     upper = add(scale(aim, c), scale(out, sqrt(1.0 - c * c)))
     fore = unit(subtract(scale(aim, reach), scale(upper, a)))
-    # across the upper arm, to the hand
+    # across the upper arm, towards the hand
     flexed = unit(subtract(scale(out, -c), scale(aim, -sqrt(1.0 - c * c))))
     hinge = cross(flexed, upper) if side == 0 else cross(upper, flexed)
     x = 1.0 if side == 0 else -1.0
@@ -219,7 +219,7 @@ def place_hand(
 
 
 def _from_axes(x: Vector, y: Vector) -> Quaternion:
-    """The rotation that turns +X into x and +Y into y, both of length one and perpendicular."""
+    """Return the rotation that turns +X into x and +Y into y, which are perpendicular unit vectors."""
     z = cross(x, y)
     xx, yy, zz = x[0], y[1], z[2]
     if xx + yy + zz > 0.0:
@@ -236,18 +236,18 @@ def _from_axes(x: Vector, y: Vector) -> Quaternion:
 
 Rows = list[tuple[float, ...]]
 
-LEAD, TRAIL = 1, 0  # the right foot goes first
-STANDING_HIPS_M = 0.97  # height of the pelvis in the middle of a traversal before its keys move it
+LEAD, TRAIL = 1, 0  # the right foot leads
+STANDING_HIPS_M = 0.97  # pelvis height in the middle of a traversal, before its keys
 EASY_REACH_M, SLACK_M = 0.44, 0.03  # of an arm of 0.478 m
 KNEE_CLEAR_M = 0.06  # of a knee from a wall
-KNEE_TURN_RAD_PER_M, MAX_KNEE_OUT_RAD = 6.0, 1.25  # radians outwards: for each metre inside, at most
-FARTHEST_PULL_M = 0.12  # of the pelvis to a hand
-FADE_S = 0.25  # at both ends: inverse kinematics takes over the incoming legs
+KNEE_TURN_RAD_PER_M, MAX_KNEE_OUT_RAD = 6.0, 1.25  # outwards, per metre inside the wall; limit
+MAX_PULL_M = 0.12  # of the pelvis towards a hand
+FADE_S = 0.25  # at both ends: IK takes over from the incoming legs
 
 
 @dataclass(frozen=True)
 class KeyframedMotion:
-    """A keyframed motion as tracks over time, in metres and radians of the traversal's frame; pairs have the left side first.
+    """A keyframed motion as tracks over time, in metres and radians of the traversal's frame; in pairs the left side is first.
 
     A foot's position is a weighted sum of its incoming positions at start and end, plus an offset, so that it lands in
     the style's own stance.
@@ -258,15 +258,15 @@ class KeyframedMotion:
     end_z: float
     rise: float
     root: Track  # z of the pelvis
-    body: Track  # x, height over the incoming one, pitch, yaw, roll of the pelvis; lean, twist of the spine; look down
-    level: Track  # fraction of `STANDING_HIPS_M` in place of the incoming height of the pelvis
+    body: Track  # pelvis: x, height over the incoming one, pitch, yaw, roll; spine: lean, twist; looking down
+    level: Track  # weight of `STANDING_HIPS_M` against the incoming pelvis height
     feet: tuple[
         Track, Track
-    ]  # fraction of the start, of the end; toe joint x, y, z; heel over toe, knee outwards
+    ]  # weight of the start, of the end; toe joint x, y, z; heel over toe, knee outwards
     stands: tuple[Track, Track]  # contact of heel, of toe
-    arms: Track  # radians that they swing back
+    arms: Track  # backward swing, radians
     hands: tuple[Track, Track]  # weight, wrist x, y, z, hand turned inwards, fingers down
-    elbows: tuple[Vector, Vector]  # where they point
+    elbows: tuple[Vector, Vector]  # directions in which they point
 
     def pose(self, t: float, hips: Array, local: Array) -> TraversalPose:
         """Return the pose at `t` seconds (tempo 1) for the incoming `hips` `(3,)` and `local` `(31, 4)`."""
@@ -301,7 +301,7 @@ class KeyframedMotion:
         both = start + end
         toe = (
             both * leg.toe[0] + x,
-            # it lands on the ground, over which the network's body may hover meanwhile
+            # it lands on the ground, although the network's body may hover above
             start * leg.toe[1] + end * (min(leg.toe[1], TOE_HEIGHT) + self.rise) + y,
             start * (leg.toe[2] - root + self.start_z) + end * (leg.toe[2] - root + self.end_z) + z,
         )
@@ -316,7 +316,7 @@ class KeyframedMotion:
             mine[:] = before
             out = max(out, min(out + KNEE_TURN_RAD_PER_M * inside, MAX_KNEE_OUT_RAD))
             place_foot(mine, side, place, toe, foot, out, free)
-        toes = LEGS[side].joints[4]  # stay flat under a raised heel
+        toes = LEGS[side].joints[4]  # toes stay flat under a raised heel
         mine[toes] = multiply(from_vector((-LEVEL_TOES_FRACTION * max(heel, 0.0), 0.0, 0.0)), mine[toes])
 
     def _keep_angles(
@@ -328,7 +328,7 @@ class KeyframedMotion:
         mine: list[Quaternion],
         fraction: float,
     ) -> None:
-        """Take a fraction of what inverse kinematics alone changes at the incoming pose off a leg again, in place."""
+        """Undo, in place, a fraction of the change that IK alone makes to a leg at the incoming pose."""
         solved = list(incoming)
         place_foot(solved, side, hips, leg.toe, leg.foot, 0.0, 0.0)
         for joint in LEGS[side].joints[1:4]:
@@ -336,13 +336,13 @@ class KeyframedMotion:
             mine[joint] = multiply(mine[joint], slerp((1.0, 0.0, 0.0, 0.0), change, fraction))
 
     def _within_reach(self, place: Vector, mine: list[Quaternion], hands: list[list[float]]) -> Vector:
-        """The pelvis, drawn to where the arms reach the places of the hands; further for hands of more weight."""
+        """Return the pelvis position moved to within reach of the hands' targets, by more for hands of higher weight."""
         for side in (0, 1):
             weight, x, y, z = hands[side][:4]
             if weight > 0.0:
                 way = subtract((x, y, z), shoulder_frame(mine, side, place)[1])
                 wanted = length(way)
-                over = min(beyond(wanted, EASY_REACH_M, SLACK_M), FARTHEST_PULL_M)
+                over = min(beyond(wanted, EASY_REACH_M, SLACK_M), MAX_PULL_M)
                 place = add(place, scale(way, weight * over / max(wanted, MIN_SIZE)))
         return place
 

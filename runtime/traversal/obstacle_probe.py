@@ -1,4 +1,4 @@
-"""What lies ahead on a character's path: obstacles that are leapt or climbed, and ground that ends it."""
+"""Obstacles ahead on a character's path: those to leap or climb over, and ground that ends the path."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from runtime.terrain.obstacle_detection import ObstacleAhead, ObstacleKind, obst
 from runtime.terrain.room import LANDING_RISE_M, can_climb, can_land
 from runtime.terrain.steps import blocked_message, step_ahead
 
-PROBE_M = 3.0  # ahead for obstacles, and what is covered while a character stops
+PROBE_M = 3.0  # ahead for obstacles, plus the stopping distance
 HIGHEST_CLIMB_M = 1.5
 HIGHEST_LEAP_M = 0.75  # of a bar
 HIGHEST_STEP_M = 0.55  # a higher one is climbed
-STEEPEST_GAP_M = 0.35  # that the ground behind a gap may be higher
-STOP_M = 0.5  # from unwalkable ground the root stops,
-STOP_SECONDS = 0.45  # and as much farther as it covers in this time
-HOLD_M = 0.5  # it sets off again where the path is free this much farther: else it stops and starts in turn
-HALF_BODY_M = 0.25  # no root comes nearer
-CLIMB_M = 0.46  # from the edge the root stops,
-CLIMB_SECONDS = 0.4  # and as much farther as it covers in this time
-NEAREST_M = 0.38  # it comes to a wall
-CLIMB_FROM_M = 0.8  # a climb begins nearer
-MAX_SKEW_RAD = 0.9  # radians from the right angle
-BESIDE_BAR_M, BAR_SLACK_M = 0.3, 0.1  # before a bar, and higher than it, nothing stands next to the path
+STEEPEST_GAP_M = 0.35  # how much higher the ground behind a gap may be
+STOP_M = 0.5  # distance from unwalkable ground at which the root stops,
+STOP_SECONDS = 0.45  # plus the distance covered in this time
+HOLD_M = 0.5  # further free distance before it starts again, which avoids stopping and starting in turn
+HALF_BODY_M = 0.25  # minimum distance of any root
+CLIMB_M = 0.46  # distance from the edge of a climb at which the root stops,
+CLIMB_SECONDS = 0.4  # plus the distance covered in this time
+NEAREST_M = 0.38  # minimum distance from a wall
+CLIMB_FROM_M = 0.8  # a climb begins nearer than this
+MAX_SKEW_RAD = 0.9  # from the perpendicular
+BESIDE_BAR_M, BAR_SLACK_M = 0.3, 0.1  # before a bar, and above it, free beside the path
 NO_LANDING = "The way ahead is blocked: no room to come down behind the edge."
 NO_CLIMB = "The way ahead is blocked: no room to climb over the edge."
-MAX_SPEED_M_PER_S = 5.0  # with which the view ahead grows
+MAX_SPEED_M_PER_S = 5.0  # up to which the probe's distance grows
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,11 @@ class Ahead:
 
 
 class ObstacleProbe(NamedTuple):
-    """What lies ahead of a character in this frame."""
+    """The obstacle probe of a character in this frame."""
 
     stops: bool  # the root does not follow the stick
-    ahead: Ahead | None  # what the stick leads to
-    reason: str | None  # why the character does not go on, for the status line
+    ahead: Ahead | None  # in the stick's direction
+    reason: str | None  # why the character is blocked, for the status line
 
     @property
     def finds(self) -> bool:
@@ -76,7 +76,7 @@ class ObstacleProbe(NamedTuple):
         return self.stops or (self.ahead is not None and not self.ahead.alone)
 
     def alone(self) -> ObstacleProbe:
-        """Return the probe for a network that crosses this obstacle itself: bars and gaps are to be stepped over, steps are ignored."""
+        """Return the probe for a network that crosses this obstacle itself: it steps over bars and gaps, and ignores steps."""
         if self.ahead is None or self.ahead.obstacle.kind not in (ObstacleKind.BAR, ObstacleKind.GAP):
             return CLEAR
         return ObstacleProbe(False, replace(self.ahead, alone=True), None)
@@ -112,7 +112,7 @@ def probe_obstacles(
 
 
 def _lack_of_room(terrain: Terrain, ahead: Ahead, place: Array, stops: bool) -> str | None:
-    """What the status line says where an obstacle leaves no room to leap or to climb it from `place` (XZ)."""
+    """Return the status line's reason if an obstacle leaves no room to leap or climb it from `place` (XZ), else None."""
     found = ahead.obstacle
     if is_leap(found) and not _has_landing(terrain, ahead, place):
         return NO_LANDING
@@ -148,7 +148,7 @@ def is_climb(obstacle: ObstacleAhead) -> bool:
 
 
 def _has_landing(terrain: Terrain, ahead: Ahead, place: Array) -> bool:
-    """Whether a leap from `place` (XZ) over the obstacle ahead has room to fly and to come down."""
+    """Whether a leap from `place` (XZ) over the obstacle ahead has room for flight and landing."""
     found = ahead.obstacle
     edge = found.near if found.kind in (ObstacleKind.UP, ObstacleKind.DOWN) else found.far
     length, rise = found.far - found.near, max(found.beyond, 0.0)
@@ -160,14 +160,14 @@ def _has_landing(terrain: Terrain, ahead: Ahead, place: Array) -> bool:
 
 
 def _has_room(terrain: Terrain, ahead: Ahead, place: Array) -> bool:
-    """Whether a climb from `place` (XZ) over the edge ahead, at a right angle to it, has room."""
+    """Whether a climb from `place` (XZ), perpendicular to the edge ahead, has room."""
     skew, (x, z) = ahead.obstacle.skew, ahead.path
     path = np.array([x * np.cos(skew) + z * np.sin(skew), z * np.cos(skew) - x * np.sin(skew)])
     return can_climb(terrain, place, path, ahead.obstacle.near * float(np.cos(skew)), ahead.obstacle.top)
 
 
 def _blocked(obstacle: ObstacleAhead) -> str | None:
-    """What the status line says where an obstacle is neither leapt nor climbed; None where it is."""
+    """Return the status line's reason if an obstacle can be neither leapt nor climbed, else None."""
     if obstacle.kind is ObstacleKind.BAR and obstacle.top > HIGHEST_LEAP_M:
         return f"The way ahead is blocked: a bar of {obstacle.top:.1f} m, too high to leap over and too narrow to stand on."
     if abs(obstacle.skew) > MAX_SKEW_RAD and is_climb(obstacle):

@@ -1,4 +1,4 @@
-"""What the obstacle ahead makes of the next steps: the pace to its edge, and where a leap or a climb begins."""
+"""Approach to an obstacle: adapts the pace to its edge, and starts a leap or a climb."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from runtime.traversal.leap import takeoff_m
 from runtime.traversal.obstacle_probe import CLIMB_FROM_M, Ahead, is_leap
 from runtime.traversal.traversal import PACE_RANGE, TEMPO_RANGE, Traversal
 
-MAX_CLIMB_START_SPEED_M_PER_S = 0.3  # m/s: a climb begins slower
-LAST_STEP_FRACTION = 0.65  # of a step: what is left is leapt over, more is another step
+MAX_CLIMB_START_SPEED_M_PER_S = 0.3  # faster, no climb begins
+LAST_STEP_FRACTION = 0.65  # of a step: a shorter remaining distance is leapt over
 LATEST_START_FRACTION = 0.55  # of a stride: a leap that begins later is planned as if it began then
-FAR_TAKEOFF_FRACTION = 0.6  # of the best place before an edge: the next step would come nearer
+FAR_TAKEOFF_FRACTION = 0.6  # of the best distance from an edge: the next step would land nearer
 MAX_DEPTH_M = 10.0  # of what is climbed onto or down from
-TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
-MAX_STANCE_RISE_M = 0.12  # of the last foot over the ground before an obstacle: else it stands beyond a ditch
-MIN_LEAP_SPEED_M_PER_S = 0.2  # m/s of a walk that leaps
-NEUTRAL_SPEED_M_PER_S = 1.3  # m/s of a walk whose climb takes the time it is keyframed for
+TOO_LATE_M = 0.08  # a foot whose ankle is nearer to the edge cannot leap
+MAX_STANCE_RISE_M = 0.12  # of the last foot over the ground before: a higher one stands beyond a ditch
+MIN_LEAP_SPEED_M_PER_S = 0.2  # minimum of a walk that leaps
+NEUTRAL_SPEED_M_PER_S = 1.3  # of a walk whose climb runs at tempo 1
 
 
 def decide(
@@ -50,7 +50,7 @@ def decide(
 
 
 def _approach(traversal: Traversal, ahead: Ahead, pose: Pose, came: bool, leads_over: bool) -> None:
-    """Pace the steps to the edge of a bar or gap; from the last one leap over it, or let the gait step over it."""
+    """Adapt the pace to the edge of a bar or gap; from the last step leap over it, or let the gait step over it."""
     left = ahead.obstacle.near - traversal.steps.ankle(pose, ahead.path)
     if ahead.alone:
         if came and leads_over:
@@ -61,13 +61,13 @@ def _approach(traversal: Traversal, ahead: Ahead, pose: Pose, came: bool, leads_
             _leap(traversal, ahead, pose)
 
 
-FORGET_BEHIND_M = 1.2  # behind what was stepped over the network sees it no more
+FORGET_BEHIND_M = 1.2  # behind an obstacle, where it has left the network's view
 FORGET_AWAY_M = 5.0
-LEGS_CLEAR_M = 0.4  # behind it the legs have left it
+LEGS_CLEAR_M = 0.4  # behind an obstacle, where the legs are clear of it
 
 
 def _step_over(traversal: Traversal, pose: Pose, ahead: Ahead | None) -> bool:
-    """Remember the bar or gap ahead that the gait itself steps over, until it lies behind; whether it is the one ahead."""
+    """Keep the bar or gap that the gait steps over until it lies behind; return whether it is the one ahead."""
     x, _, z = pose.root_position.tolist()
     over = traversal.over
     if over.length >= 0.0:
@@ -91,7 +91,7 @@ def _step_over(traversal: Traversal, pose: Pose, ahead: Ahead | None) -> bool:
 
 
 def _takeoff_alone(obstacle: ObstacleAhead, step: float) -> float:
-    """How far before an edge the last foot stands so that a `step` (m) leaves as much room before as behind."""
+    """Return the distance from an edge at which the last foot stands for a `step` (m) to be centred over the obstacle."""
     length = obstacle.far - obstacle.near
     return TOE_M + max(0.5 * (step - length - TOE_M - HEEL_M), 0.0)
 
@@ -99,7 +99,7 @@ def _takeoff_alone(obstacle: ObstacleAhead, step: float) -> float:
 def _last_step(
     traversal: Traversal, obstacle: ObstacleAhead, left: float, came: bool, alone: bool = False
 ) -> bool:
-    """Whether the foot that stands `left` m before the edge is the last one there; sets the pace to the next ones."""
+    """Return whether the foot `left` m before the edge is the last one there; sets the pace of the remaining steps."""
     steps = traversal.steps
     if came:
         best = takeoff_m(obstacle.kind, obstacle.top, steps.speed)
@@ -114,7 +114,7 @@ def _last_step(
 
 
 def _climb(traversal: Traversal, ahead: Ahead, pose: Pose, speed: float, walk_speed: float) -> None:
-    """Climb where the character stands before a wall or drop, at the tempo of its style."""
+    """Start a climb if the character stands before a wall or drop, at the tempo of its style."""
     obstacle = ahead.obstacle
     if obstacle.near > CLIMB_FROM_M or speed > MAX_CLIMB_START_SPEED_M_PER_S:
         return
@@ -162,6 +162,6 @@ def _start(
 
 
 def _origin(pose: Pose, way: Array, near: float, ground: float) -> Array:
-    """The near edge on the way of the root, on the ground before it."""
+    """The near edge on the root's path, on the ground before it."""
     root = pose.root_position.astype(np.float64)
     return np.array([root[0] + near * way[0], ground, root[2] + near * way[1]])

@@ -1,4 +1,4 @@
-"""When the feet come down: landings, strides and speed of a body on its way to an obstacle, from frame to frame."""
+"""Timing of landings, strides and speed of a body approaching an obstacle, updated every frame."""
 
 from __future__ import annotations
 
@@ -12,39 +12,39 @@ from runtime.arrays import Array
 from runtime.feet.ik import LEG_FEET
 from runtime.pose import DT, Pose
 
-MIN_LANDING_S = 0.08  # the next landing takes at least so long: a step may be slower than the last ones
-SETTING_OFF_SPEED_M_PER_S = 0.3  # m/s: slower, the first steps are short and quick
-STRIDE_RANGE_S = (0.5, 2.2)  # seconds that a stride of two steps may take
-WALK_STRIDE_S = 1.05  # of a stride at a neutral walk,
-JOG_STRIDE_S = 0.75  # and at a jog,
-MIN_JOG_SPEED_M_PER_S = 1.8  # which is faster than so many m/s
-MIN_STRIDE_S = 0.25  # between two landings of one foot
-SAME_FOOT_STRIDE_FRACTION = 0.8  # of a stride, until the same foot may come down twice running
-VELOCITY_SMOOTHING_FRACTION = 0.15  # fraction of a frame in the mean velocity
-SPEED_SMOOTHING_FRACTION = 0.05  # fraction of a frame in the mean speed
-STRIDE_RATIO_RANGE = (0.6, 1.6)  # of the stride before: other lengths come of a landing that was missed
+MIN_LANDING_S = 0.08  # minimum time to the next landing: a step may be slower than the last ones
+SETTING_OFF_SPEED_M_PER_S = 0.3  # slower, the first steps are short and quick
+STRIDE_RANGE_S = (0.5, 2.2)  # of a stride of two steps
+WALK_STRIDE_S = 1.05  # of a stride in a neutral walk,
+JOG_STRIDE_S = 0.75  # and in a jog,
+MIN_JOG_SPEED_M_PER_S = 1.8  # which is faster than this
+MIN_STRIDE_S = 0.25  # between two landings of the same foot
+SAME_FOOT_STRIDE_FRACTION = 0.8  # of a stride, after which the same foot may land twice in a row
+VELOCITY_SMOOTHING_FRACTION = 0.15  # weight of a frame in the mean velocity
+SPEED_SMOOTHING_FRACTION = 0.05  # weight of a frame in the mean speed
+STRIDE_RATIO_RANGE = (0.6, 1.6)  # of the previous stride: other ratios result from a missed landing
 MIN_STEP_M, MAX_SPEED_M_PER_S = 0.15, 6.0
-TRAILING_M = 0.05  # behind the root: a foot that lands farther back is the trailing one, held again
-STRIDE_SMOOTHING_FRACTION = 0.6  # of a new stride in the mean one
-MAX_FIRST_STRIDE_RATIO = 1.5  # of the usual one: a slower first step tells nothing of the stride
+TRAILING_M = 0.05  # behind the root: a foot landing farther back is the trailing one, held again
+STRIDE_SMOOTHING_FRACTION = 0.6  # weight of a new stride in the mean
+MAX_FIRST_STRIDE_RATIO = 1.5  # of the usual one: a slower first step says nothing about the stride
 
 
 @dataclass
 class PlannedSteps:
     """Timing of foot landings, strides and speed, carried from frame to frame."""
 
-    # the foot that came down last: 0 left, 1 right
+    # the foot that landed last: 0 left, 1 right
     stance: int | None = field(default=None, metadata={"most": 1})
     elapsed: float = 0.0  # seconds since then
     seconds: float = WALK_STRIDE_S  # of a stride
-    measured: bool = False  # whether `seconds` was
+    measured: bool = False  # whether `seconds` was measured
     speed: float = 0.0  # of the root, m/s, smoothed, at full pace
     # of the root, m/s, smoothed
     velocity: Array = field(default_factory=lambda: np.zeros(2), metadata={"whole": (2,)})
-    ahead: float = 0.2  # m of the last landing before the root
-    stood: tuple[bool, bool] = (True, True)  # which feet did in the last frame
-    since: tuple[float, float] = (9.0, 9.0)  # seconds since each foot came down
-    root: Array | None = field(default=None, metadata={"whole": (2,)})  # place (XZ) in the last frame
+    ahead: float = 0.2  # m of the last landing ahead of the root
+    stood: tuple[bool, bool] = (True, True)  # which feet stood in the last frame
+    since: tuple[float, float] = (9.0, 9.0)  # seconds since each foot landed
+    root: Array | None = field(default=None, metadata={"whole": (2,)})  # position (XZ) in the last frame
 
     @property
     def length(self) -> float:
@@ -76,7 +76,7 @@ class PlannedSteps:
         return False
 
     def _comes_down(self, foot: int) -> bool:
-        """Whether a foot that is held anew has come down, and was not let go of for a moment."""
+        """Whether a newly held foot has landed, rather than been released for a moment."""
         again = SAME_FOOT_STRIDE_FRACTION * self.seconds if foot == self.stance else MIN_STRIDE_S
         return self.since[foot] > again
 

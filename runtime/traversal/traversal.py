@@ -1,9 +1,9 @@
-"""One character's traversal of an obstacle: its state, what lies ahead, and its end.
+"""State of one character's traversal of an obstacle, its probe, and its end.
 
-Over bars, gaps and low steps the legs follow a plan for one stride (`leap`) while the network goes on. Before a wall or a
-deep drop the character stops, and climbs (`climb`). `plan` begins it, `traversal_frame` shows it. What lies ahead is found
-in `obstacle_probe`. Its frame is that of its obstacle: z along the path, 0 at the near edge; x to the left, 0 under the
-root; y over the ground before it.
+Over bars, gaps and low steps the legs follow a plan for one stride (`leap`) while the network continues. Before a wall or a
+deep drop the character stops, and climbs (`climb`). `plan` starts a traversal, `traversal_frame` shows it, and
+`obstacle_probe` finds obstacles. Its frame is that of its obstacle: z along the path, 0 at the near edge; x to the left, 0
+under the root; y over the ground before it.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from runtime.traversal.obstacle_probe import (
 from runtime.traversal.planned_steps import PlannedSteps
 
 KINDS = ("", *(kind.value for kind in ObstacleKind), "climb", "descend")
-WALKING_SPEED_M_PER_S = 0.4  # from which the root's own direction counts,
-FOLLOWED_FRACTION = 0.7  # by so much
-PACE_RANGE = (0.85, 1.2)  # of the root in the steps before a leap, so that a foot comes down at its edge
-# of the spring of sight, where it is turned round on its way: fraction, and 1/s
+WALKING_SPEED_M_PER_S = 0.4  # above which the root's own direction counts,
+FOLLOWED_FRACTION = 0.7  # with this weight
+PACE_RANGE = (0.85, 1.2)  # of the root in the steps before a leap, so that a foot lands at its edge
+# of the spring of `sight` when it reverses: fraction, and 1/s
 MAX_SIGHT_FRACTION, MAX_SIGHT_CHANGE_PER_S = 1.5, 20.0
-MAX_SIZE_M, MAX_NUMBER = 10.0, 100.0  # of what is crossed; of what describes it
+MAX_SIZE_M, MAX_NUMBER = 10.0, 100.0  # limits of an obstacle's size; of the numbers that describe it
 TEMPO_RANGE = (0.7, 1.2)  # of a climb
 STRIDE_RANGE_S = (0.1, 10.0)  # of a leap
-CLIMB_NUMBERS, LEAP_NUMBERS = 4, 23  # that describe one
+CLIMB_NUMBERS, LEAP_NUMBERS = 4, 23  # count of the numbers that describe one
 
 
 @lru_cache(maxsize=64)
 def _motion(kind: str, numbers: tuple[float, ...]) -> Leap | Climb:
-    """The motion that these numbers describe: made again after a snapshot is put back."""
+    """Return the motion that these numbers describe, also after a snapshot is restored."""
     if kind in ("climb", "descend"):
         return Climb(*numbers)
     length, top, beyond, start, speed, seconds, elapsed, stance, hips = numbers[:9]
@@ -58,20 +58,20 @@ def _motion(kind: str, numbers: tuple[float, ...]) -> Leap | Climb:
 class Traversal:
     """State of one character's traversal, carried from frame to frame."""
 
-    kind: str = field(default="", metadata={"choices": KINDS})  # of the traversal under way
-    stopped: bool = False  # before ground that it neither walks on nor crosses
-    pace: float = 1.0  # of the root on its way to a leap
+    kind: str = field(default="", metadata={"choices": KINDS})  # kind of the traversal in progress
+    stopped: bool = False  # before ground that can neither be walked on nor crossed
+    pace: float = 1.0  # of the root while approaching a leap
     numbers: tuple[float, ...] = ()  # that describe the motion
     time: float = 0.0
     origin: Array = field(default_factory=lambda: np.zeros(3), metadata={"whole": (3,)})
     yaw: float = 0.0
-    fresh: bool = False  # its first pose is still to tell the two offsets
+    fresh: bool = False  # its first pose has yet to set the two offsets
     hips_offset: Array = field(default_factory=lambda: np.zeros(3), metadata={"whole": (3,)})
     # rotation vectors
     offset: Array = field(default_factory=lambda: np.zeros((31, 3)), metadata={"whole": (31, 3)})
     last_z: float = 0.0
-    sight: float = 1.0  # fraction of the ground's heights that the network sees: none of them in a traversal
-    sight_velocity: float = 0.0  # its change, 1/s
+    sight: float = 1.0  # fraction of the ground's height variation that the network sees: none in a traversal
+    sight_velocity: float = 0.0  # its rate of change, 1/s
     steps: PlannedSteps = field(default_factory=PlannedSteps)
     over: SteppedOver = field(default_factory=SteppedOver, metadata={"later": True})
 
@@ -102,7 +102,7 @@ class Traversal:
     def probe(self, terrain: Terrain | None, place: Array, heading: Array, speed: float) -> ObstacleProbe:
         """Return what lies ahead of a root at `place` (XZ) with the stick at `heading` (XZ); updates whether it has stopped.
 
-        `speed` is the root's, m/s; `terrain` is None if it holds no obstacle, or nothing is requested.
+        `speed` is the root's, m/s; `terrain` is None if it has no obstacles, or nothing is requested.
         """
         if self.climbing:
             found = CLIMBING

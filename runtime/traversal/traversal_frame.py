@@ -1,4 +1,4 @@
-"""A frame of a traversal: the pose to show, and the ground that the network sees meanwhile."""
+"""One frame of a traversal: the pose to show, and the ground heights that the network sees meanwhile."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from runtime.traversal.keyframes import TraversalPose
 from runtime.traversal.obstacle_probe import Ahead, is_climb, is_leap
 from runtime.traversal.traversal import Traversal
 
-BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
-SIGHT_HALF_LIFE_S = 0.1  # in which ground comes halfway into sight
+BEFORE_M = 0.06  # margin of an obstacle that is hidden from the network
+SIGHT_HALF_LIFE_S = 0.1  # of the ground's fading into sight
 ARRIVED_SIGHT_FRACTION = 1e-4  # fraction, and 1/s
-DEEPEST_M = 0.05  # that a sole is lifted out of the ground,
-LEAST_LIFT_M = 1e-6  # and least: a planned foot stands on it but for rounding
-FADE_S = 0.3  # in which the first pose's difference from the traversal's goes
+MAX_LIFT_M = 0.05  # limit of lifting a sole out of the ground,
+MIN_LIFT_M = 1e-6  # and its minimum: a planned foot is off by rounding only
+FADE_S = 0.3  # in which the difference of the first pose from the traversal's fades
 
 
 def traversal_velocity(traversal: Traversal) -> Array:
@@ -61,12 +61,12 @@ def traversal_pose(
 
 
 def _on_the_ground(hips: Array, local: Array, terrain: Terrain) -> Array:
-    """Local rotations with soles lifted out of the ground; a foot far inside passes before a face, and stays."""
+    """Return local rotations with soles lifted out of the ground; a foot deep inside passes before a riser, and is left."""
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     soles = positions[list(SOLE_POINTS)].astype(np.float64)
     lack = terrain.height(soles[:, 0], soles[:, 2]) + np.array(SOLE_HEIGHTS) - soles[:, 1]
-    lift = np.max(np.where(lack < DEEPEST_M, lack, 0.0).reshape(2, 2), axis=1)
-    if lift.max() <= LEAST_LIFT_M:
+    lift = np.max(np.where(lack < MAX_LIFT_M, lack, 0.0).reshape(2, 2), axis=1)
+    if lift.max() <= MIN_LIFT_M:
         return local
     ankles = soles[::2] + np.outer(np.maximum(lift, 0.0), [0.0, 1.0, 0.0])
     return solve_legs(hips, local, ankles, world[LEG_FEET].astype(np.float64))
@@ -78,7 +78,7 @@ def seen_heights(
     """Return the heights `(12,)` that the network sees at `points` `(12, 2)`, with the obstacle replaced by level ground.
 
     The network has learnt slopes and stairs, and would crouch or climb before a bar or gap. The body is placed over the
-    mean of these heights, so they change on a spring.
+    mean of these heights, which therefore change on a spring.
     """
     level = heights[present]
     if traversal.over.length >= 0.0:
@@ -104,12 +104,12 @@ def seen_heights(
 
 
 def _is_keyframed(ahead: Ahead) -> bool:
-    """Whether what lies ahead is leapt over or climbed, rather than stepped over by the gait."""
+    """Whether the obstacle ahead is leapt over or climbed, rather than stepped over by the gait."""
     return not ahead.alone and (is_leap(ahead.obstacle) or is_climb(ahead.obstacle))
 
 
 def _without(over: SteppedOver, points: Array, heights: Array) -> Array:
-    """Heights `(12,)` at `points` `(12, 2)` as if the ground went on evenly over a bar or a gap."""
+    """Return heights `(12,)` at `points` `(12, 2)` with the ground interpolated across a bar or a gap."""
     way = np.array([np.sin(over.yaw), np.cos(over.yaw)])
     along = (points - np.array([over.x, over.z])) @ way
     within = (along > -0.5) & (along < over.length + 0.5)
@@ -117,7 +117,7 @@ def _without(over: SteppedOver, points: Array, heights: Array) -> Array:
 
 
 def _and_before(hidden: Flags) -> Flags:
-    """Samples `(12,)` that lie on `hidden` ground, and the last one before it: it tells what stands behind it too."""
+    """Samples `(12,)` on `hidden` ground, and the last one before it, whose height includes what is behind it."""
     result = hidden.copy()
     result[:-1] |= hidden[1:]
     return result

@@ -1,4 +1,4 @@
-"""The list of a batch, CSV with a header or JSON lines, and the task of each row: the arguments of `sport generate`."""
+"""The list of a batch (CSV with a header, or JSON lines), and the task of each row: arguments of `sport generate`."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from runtime.errors import FileError, SportError, UsageError
 from runtime.safe_read import decode_text, parse_json, read_bounded, reason
 
 MAX_LIST_BYTES = 256 * 1024 * 1024
-MAX_HASHED_BYTES = 1 << 29  # of a file that a row names; no reader takes a larger one
+MAX_HASHED_BYTES = 1 << 29  # of a file named by a row; no reader accepts larger ones
 NOT_COLUMNS = ("batch", "workers", "help")
-# a row that gives one of them has none of the others from the command
+# a row that gives one of these inherits none of the others from the command
 STYLES = ("prompt", "prompts", "parts")
 _REMEDY = "Write a CSV with a header, or one JSON object a line."
 _FILES = ("terrain", "parts", "character", "joint_map")
@@ -33,7 +33,7 @@ _SWITCH = {
 
 @dataclass(frozen=True)
 class BatchRow:
-    """Holds a row of the list: its number from 1 on, its values by the names of arguments, and why it cannot be made."""
+    """A row of the list: its number from 1 on, its values by argument name, and the error if it is invalid."""
 
     number: int
     values: dict[str, Any]
@@ -42,7 +42,7 @@ class BatchRow:
 
 @dataclass(frozen=True)
 class Task:
-    """Holds a clip to make: `options` are the arguments of `sport generate`; `key` changes with them and the files that they name."""
+    """A clip to make: `options` are the arguments of `sport generate`; `key` changes with them and with the files they name."""
 
     number: int
     values: dict[str, Any]
@@ -51,7 +51,7 @@ class Task:
 
 
 class RowParser(argparse.ArgumentParser):
-    """Raises UsageError for what is wrong with a row in place of ending the program."""
+    """Raises UsageError for an invalid row instead of ending the program."""
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)
@@ -107,16 +107,16 @@ def _json_row(number: int, line: str) -> BatchRow:
 
 
 def _name(text: str | None) -> str:
-    """Return the argument's name of a column: "--ground-out", "Ground out" and "ground_out" are one."""
+    """Return the argument name of a column: "--ground-out", "Ground out" and "ground_out" are equivalent."""
     return (text or "").strip().lstrip("-").replace("-", "_").replace(" ", "_").lower()
 
 
 def plan(
     rows: Sequence[BatchRow], parser: RowParser, base: argparse.Namespace
 ) -> tuple[list[Task], list[BatchRow]]:
-    """Return tasks of the rows that can be made, and the others with their errors; UsageError for a column that is no argument.
+    """Return tasks of the valid rows, and the others with their errors; UsageError for an unknown column.
 
-    `parser` knows the arguments of `sport generate`, `base` has those of the command, which stand for every row.
+    `parser` has the arguments of `sport generate`, `base` those of the command, which apply to every row.
     """
     known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in NOT_COLUMNS}
     unknown = sorted({name for row in rows for name in row.values} - set(known))
@@ -158,7 +158,7 @@ def _options(
 
 
 def _check_targets(options: argparse.Namespace, number: int, writers: dict[str, int]) -> None:
-    """Raise UsageError unless a row writes below the folder of the batch, and into no file of an earlier row."""
+    """Raise UsageError unless a row writes below the folder of the batch, and not to the file of an earlier row."""
     for path in filter(None, (options.out, options.ground_out)):
         parts = PurePosixPath(path.as_posix()).parts
         if path.is_absolute() or path.drive or ".." in parts or not path.name or parts[0].startswith("."):
@@ -169,7 +169,7 @@ def _check_targets(options: argparse.Namespace, number: int, writers: dict[str, 
 
 
 def _key(options: argparse.Namespace) -> str:
-    """Return a hash of every argument, and of the files and the model that they name."""
+    """Return a hash of all arguments, and of the files and the model that they name."""
     values = {k: str(v) if isinstance(v, Path) else v for k, v in vars(options).items()}
     model = model_folder(options.model)
     paths = [model / "metadata.json", *(Path(p) for name in _FILES if (p := getattr(options, name)))]
@@ -177,7 +177,7 @@ def _key(options: argparse.Namespace) -> str:
     return hashlib.sha256(json.dumps([values, found], sort_keys=True).encode()).hexdigest()
 
 
-@cache  # of one plan: rows name the same files
+@cache  # per plan: rows name the same files
 def _fingerprint(path: Path) -> str:
     """Return the hash of a file; "" for a name of the library, or a file that does not exist."""
     try:
@@ -186,7 +186,7 @@ def _fingerprint(path: Path) -> str:
             return sha256(path)
     except (OSError, ValueError):
         return ""
-    return "" if size < 0 else f"{size} bytes"  # larger than any file that is read: refused by its row
+    return "" if size < 0 else f"{size} bytes"  # larger than any readable file: its row will fail
 
 
 def sha256(path: Path) -> str:

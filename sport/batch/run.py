@@ -1,4 +1,4 @@
-"""Runs a batch from its list to its manifest: files that are there are kept, missing ones are made, failures are listed."""
+"""Runs a batch from its list to its manifest: existing files are kept, missing ones are made, failures are listed."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
         raise UsageError(f" {options.workers}: expected 1 to {MAX_WORKERS}.", "Try 2.", "workers")
     rows = read_rows(options.batch)
     tasks, refused = plan(rows, parser, options)
-    remark_when_ended("the same command goes on from here")
+    remark_when_ended("run the same command again to continue")
     with _held(options.out), temporary_folder() as scratch:
         manifest = Manifest(options.out)
         missing = [task for task in tasks if not manifest.done(task)]
         progress = BatchProgress(len(rows), len(tasks) - len(missing))
         if progress.kept:
-            print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
+            print(f"sport: {progress.kept} of {len(rows)} clips already exist", file=sys.stderr)
         workers = min(options.workers or cores(), max(len(missing), 1))
         made = make_rows(missing, options.out, lambda: processes(workers, scratch), workers)
         _make(itertools.chain((entry(row, row.error) for row in refused), made), manifest, progress)
@@ -50,7 +50,7 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
 
 
 def _make(lines: Iterator[Line], manifest: Manifest, progress: BatchProgress) -> None:
-    """Put lines into the manifest as they come."""
+    """Append lines to the manifest as they arrive."""
     try:
         for line in lines:
             manifest.add(line)
@@ -90,7 +90,7 @@ def _held(folder: Path) -> Iterator[None]:
 
 
 class Manifest:
-    """Holds what is known of the rows of `folder`; `add` appends a line that a crash cannot take back."""
+    """The known rows of `folder`; `add` appends a line that survives a crash."""
 
     def __init__(self, folder: Path) -> None:
         self.path = below(folder, MANIFEST)
@@ -112,13 +112,13 @@ class Manifest:
             if self._file is None:
                 self._file = self.path.open("ab")
                 if self._file.tell() and not self.path.read_bytes().endswith(b"\n"):
-                    self._file.write(b"\n")  # after a line that was cut off
+                    self._file.write(b"\n")  # after a truncated line
             self._file.write(_text(line).encode("utf-8"))
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
             raise FileError(
-                f"{self.path}: {error.strerror or error}.", "Make room; the batch goes on from here."
+                f"{self.path}: {error.strerror or error}.", "Free disk space and run the same command again."
             ) from error
 
     def finish(self, numbers: Iterable[int]) -> None:
@@ -126,7 +126,7 @@ class Manifest:
         write_atomic(self.path, "".join(_text(self.lines[n]) for n in sorted(numbers) if n in self.lines))
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -153,7 +153,7 @@ def _text(line: Line) -> str:
 
 @dataclass
 class BatchProgress:
-    """Shows progress in one line on a terminal, a line every tenth in a log; `kept` counts clips that were there already."""
+    """Progress in one line on a terminal, or a line every tenth in a log; `kept` counts clips that already existed."""
 
     total: int
     kept: int = 0
@@ -167,7 +167,7 @@ class BatchProgress:
         return 60.0 * (self.made + self.failed) / max(time.monotonic() - self.begun_s, 1e-6)
 
     def add(self, failed: bool) -> None:
-        """Count a row that is done, and show counts, rows a minute, and the time that is left."""
+        """Count a finished row, and show counts, rows per minute and the remaining time."""
         self.failed, self.made = self.failed + failed, self.made + (not failed)
         done = self.kept + self.made + self.failed
         left_s = (self.total - done) / max(self.per_minute, 1e-6) * 60.0

@@ -1,4 +1,4 @@
-"""Makes rows into files: one row, and all of them by processes of this machine."""
+"""Makes the files of rows: of one row, and of all of them in parallel processes."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from runtime.errors import FileError, SportError
 from runtime.interrupts import end_children, signals_kept_from_children
 from sport.batch.rows import Task
 
-AHEAD = 2  # rows that wait for each core
-# one thread in each process: the rows are what runs side by side
+QUEUED_PER_CORE = 2  # rows queued for each core
+# one thread per process: rows run in parallel
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 Line = dict[str, Any]  # of the manifest
 Made = tuple[Line, dict[str, bytes]]  # and the files by their names
@@ -40,13 +40,13 @@ def cores() -> int:
 
 def processes(workers: int, scratch: Path | None = None) -> ProcessPoolExecutor:
     """Return an executor of processes of this machine, each with one thread; their temporary files are in `scratch`."""
-    os.environ.update(THREADS)  # for the processes that begin here
+    os.environ.update(THREADS)  # inherited by the processes
     return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin, (scratch,))
 
 
 def _begin(scratch: Path | None) -> None:
-    """Set up a worker: it ends with the process that leads, however that ends; signals are for the latter."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Windows no mask keeps it away
+    """Set up a worker: it ends with the leading process, however that ends, and leaves signals to it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Windows has no signal mask
     tempfile.tempdir = str(scratch) if scratch else None
     leader = multiprocessing.parent_process()
     assert leader is not None
@@ -70,8 +70,8 @@ def make_rows(
 ) -> Iterator[Line]:
     """Yield the line of each task as it is finished, its files in place.
 
-    A process that dies takes its executor with it: the rows under way are made once more, each by an executor of its
-    own, so that one that ends its process again costs itself alone.
+    A process that dies breaks its executor: the unfinished rows are made once more, each in an executor of its
+    own, so that a row that kills its process again only costs itself.
     """
     waiting = list(reversed(tasks))
     while waiting:
@@ -80,7 +80,7 @@ def make_rows(
             under_way: dict[Future[Made], Task] = {}
             while under_way or (waiting and not died):
                 if not died:
-                    died += _submit(pool, waiting, under_way, AHEAD * workers)
+                    died += _submit(pool, waiting, under_way, QUEUED_PER_CORE * workers)
                 for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                     task = under_way.pop(future)
                     if isinstance(future.exception(), BrokenProcessPool):
@@ -95,7 +95,7 @@ def make_rows(
 def _submit(
     pool: Executor, waiting: list[Task], under_way: dict[Future[Made], Task], most: int
 ) -> list[Task]:
-    """Begin tasks until `most` are under way; return the one that a broken pool refuses."""
+    """Submit tasks until `most` are running; return the one that a broken pool refuses."""
     while waiting and len(under_way) < most:
         task = waiting.pop()
         try:
@@ -108,7 +108,7 @@ def _submit(
 
 @contextlib.contextmanager
 def _closed(executor: Executor) -> Iterator[Executor]:
-    """Yield an executor that drops what has not begun when the block ends; after an error its processes end, too."""
+    """Yield an executor that drops pending tasks when the block ends; after an error its processes are ended, too."""
     try:
         yield executor
     except BaseException:
@@ -119,20 +119,20 @@ def _closed(executor: Executor) -> Iterator[Executor]:
 
 
 def _placed(task: Task, future: Future[Made], target: Path) -> Line:
-    """Write the files of a task, each whole, the main one last, and return its line."""
+    """Write the files of a task completely, the main one last, and return its line."""
     try:
         line, files = future.result()
         for name in sorted(files, key=lambda name: name == line["file"]):
             write_atomic(below(target, name), files[name])
     except BrokenProcessPool:
-        return entry(task, "the process that made it ended")
+        return entry(task, "its worker process ended")
     except Exception as error:  # of the executor, or of the disk
         return entry(task, _problem(error))
     return line
 
 
 def below(folder: Path, name: str) -> Path:
-    """Return the path of a file in the folder of the batch; FileError where a link is on the way: it may lead anywhere."""
+    """Return the path of a file in the folder of the batch; FileError if a link is on the way, which may lead anywhere."""
     path = folder
     for part in PurePosixPath(name).parts:
         path /= part
@@ -153,7 +153,7 @@ def make_row(task: Task) -> Made:
             folder.mkdir()
             with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(printed):
                 _write_clips(task, folder)
-        except Exception as error:  # one row must not end the others
+        except Exception as error:  # a row must not end the others
             return entry(task, _problem(error).replace(f"{folder}{os.sep}", "")), {}
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
@@ -168,7 +168,7 @@ def make_row(task: Task) -> Made:
 
 
 def _write_clips(task: Task, folder: Path) -> None:
-    """Write the clips of a row as `sport generate` does; imported here, since a process that only leads needs none of it."""
+    """Write the clips of a row as `sport generate` does; imported here, since the leading process does not need it."""
     from sport.clips import write_clips
 
     options = argparse.Namespace(**vars(task.options))
@@ -178,7 +178,7 @@ def _write_clips(task: Task, folder: Path) -> None:
     write_clips(options, lambda o: _model_and_prompter(o.model, o.expander, o.text_encoder))
 
 
-@lru_cache(maxsize=1)  # rows mostly have the model and the text encoder of the row before
+@lru_cache(maxsize=1)  # rows mostly share the model and the text encoder
 def _model_and_prompter(folder: Path | None, expander: str, text_encoder: Path | None) -> tuple[Any, Any]:
     from runtime.motion.model import load_model
     from runtime.prompts.prompter import Prompter

@@ -13,12 +13,12 @@ from runtime.formats.options import FILMS, ExportOptions, ExportSpec
 from runtime.formats.table import FORMATS
 from runtime.options import spec_of
 
-OUT_HELP = "file to write; its ending says what: " + ", ".join(FORMATS)
+OUT_HELP = "file to write; its ending selects the format: " + ", ".join(FORMATS)
 Subparsers = argparse._SubParsersAction  # what `add_subparsers` returns
 
 
 def declare(command: argparse._ActionsContainer, table: Mapping[str, Mapping[str, Any]]) -> None:
-    """Declare the arguments of a table: by the flag what `add_argument` takes."""
+    """Declare the arguments of a table: flag to keyword arguments of `add_argument`."""
     for flag, spec in table.items():
         command.add_argument(flag, **spec)
 
@@ -39,7 +39,7 @@ def add_blend(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--blend-weights",
         metavar="LIST",
-        help='share of it in each body part: "left_arm=1,torso=0.5", or one number for all (default: 0.5)',
+        help='its weight in each body part: "left_arm=1,torso=0.5", or one number for all (default: 0.5)',
     )
 
 
@@ -70,8 +70,8 @@ def export_arguments() -> Iterator[tuple[Field[object], ExportSpec]]:
 
 def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments that every export has; one that is not given is None, or False for a flag."""
-    take = parser.add_argument_group("form of the take")
-    film = parser.add_argument_group("form of a film")
+    take = parser.add_argument_group("options of the take")
+    film = parser.add_argument_group("options of a film")
     for field, spec in export_arguments():
         group = film if spec.formats == FILMS else take
         if isinstance(field.default, bool):

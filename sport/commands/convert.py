@@ -15,17 +15,17 @@ def add(commands: Subparsers) -> None:
     convert = commands.add_parser(
         "convert",
         help="write a take (BVH, GLB or FBX, of any two-legged skeleton) as GLB, FBX, film, ground or another BVH",
-        description="The ground is the one that the JSON next to the take names; rate and unit stay as in the take.",
+        description="The ground is read from the JSON next to the take; rate and unit are kept.",
     )
     convert.set_defaults(command=run)
     convert.add_argument("take", type=Path, metavar="TAKE", help="BVH, GLB, VRM or FBX")
     convert.add_argument("out", type=Path, nargs="+", metavar="FILE", help=OUT_HELP)
-    convert.add_argument("--terrain", metavar="NAME|FILE", help="another ground than the take's own")
+    convert.add_argument("--terrain", metavar="NAME|FILE", help="ground to use instead of the take's own")
     convert.add_argument(
         "--animation",
         default="",
         metavar="NAME",
-        help="which animation of a GLB, VRM or FBX; else the first of a body",
+        help="name of an animation in a GLB, VRM or FBX (default: the first that moves a body)",
     )
     add_export_arguments(convert)
 
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
 
     export = export_options(options)
     if options.take.resolve() in [out.resolve() for out in options.out]:
-        raise UsageError(f"{options.take}: would be written over itself.", "Choose another name.")
+        raise UsageError(f"{options.take}: would overwrite itself.", "Choose another name.")
     if options.ground_out is not None and len(options.out) > 1:
         raise UsageError(" with several files: their units may differ.", "Convert one by one.", "ground_out")
     opened = open_take(options.take, options.animation)

@@ -1,4 +1,4 @@
-"""What `sport generate` and `sport convert` do to write a take: files, and films with their progress."""
+"""Writes takes for `sport generate` and `sport convert`: files, and films with progress."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def parse_range(text: str) -> tuple[float, float | None]:
 
 
 def check_outputs(paths: list[Path], options: ExportOptions) -> None:
-    """Check all that can be known of the files before the work; make missing folders, and say so."""
+    """Check the outputs before the work as far as possible; create missing folders, and say so."""
     from runtime.character.character import load_character
 
     for path in paths:
@@ -70,14 +70,14 @@ def check_outputs(paths: list[Path], options: ExportOptions) -> None:
         if guessed:
             note(guessed)
     for path in (*paths, *([options.ground_out] if options.ground_out is not None else [])):
-        new = not os.path.exists(path.parent)  # not Path's: that raises where a name is too long
+        new = not os.path.exists(path.parent)  # os.path: Path.exists raises for too long names
         check_target(path)
         if new:
             note(f"{path.parent}: this folder is new.")
 
 
 def write_take(clip: Clip, path: Path, options: ExportOptions, terrain: Terrain) -> None:
-    """Write a take into one file, and its ground next to it where the options ask for it; says what was written."""
+    """Write a take to a file, and its ground next to it if requested; report the files."""
     if format_of(path).film:
         from viewer.filming.film import count_frames, film_of_take
 
@@ -94,7 +94,7 @@ def write_take(clip: Clip, path: Path, options: ExportOptions, terrain: Terrain)
 
 
 def film_options(options: ExportOptions) -> FilmOptions:
-    """Return how a film of these options looks; UsageError names the one that cannot be used."""
+    """Return the film options; UsageError names an invalid one."""
     from viewer.filming.film import FilmOptions
 
     width, height = size(options.size)
@@ -106,7 +106,7 @@ def film_options(options: ExportOptions) -> FilmOptions:
 
 
 def _progress(path: Path) -> Progress:
-    """Return what shows progress: one line on a terminal, ten lines in a log."""
+    """Return a progress callback: one line on a terminal, ten lines in a log."""
     terminal, said = sys.stderr.isatty(), f"sport: {printable(path.name)}: "
 
     def show(done: int, total: int) -> None:
@@ -124,5 +124,5 @@ def numbered(path: Path, number: int) -> Path:
 
 
 def note(text: str) -> None:
-    """Write a remark to stderr, as every other one of the command."""
+    """Write a remark to stderr in the command's format."""
     print(f"sport: {printable(text)}", file=sys.stderr)

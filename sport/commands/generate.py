@@ -32,7 +32,7 @@ def add(commands: Subparsers) -> None:
         "--batch",
         type=Path,
         metavar="LIST",
-        help="CSV or JSON lines, a clip a row with these arguments as columns; --out is then a folder",
+        help="CSV or JSON lines with one clip per row and these arguments as columns; --out is then a folder",
     )
     batch.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
 
@@ -41,13 +41,13 @@ def _add_style(generate: argparse.ArgumentParser) -> argparse._MutuallyExclusive
     style = generate.add_mutually_exclusive_group()
     style.add_argument("--prompt", metavar="TEXT", help="how the character moves")
     style.add_argument("--prompts", metavar="LIST", help='prompts with times: "0:walk calmly; 4:a zombie"')
-    style.add_argument("--parts", type=Path, metavar="JSON", help="file that says what six body parts do")
+    style.add_argument("--parts", type=Path, metavar="JSON", help="JSON file that describes six body parts")
     add_blend(generate)
     generate.add_argument(
         "--expander",
         choices=("library", "gpt"),
         default="library",
-        help="what turns a prompt into body parts: the shipped library (default), or a language model: "
+        help="what expands a prompt into body part descriptions: the shipped library (default), or a language model: "
         "OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL",
     )
     return style
@@ -57,10 +57,10 @@ _COURSE: dict[str, dict[str, Any]] = {
     "--terrain": dict(default="flat", metavar="NAME|FILE", help="default: flat"),
     "--path": dict(metavar="PATH", help="forward (default), circle, figure8 or random"),
     "--gait": dict(metavar="GAIT", help="walk (default), jog, crouch or stand"),
-    "--speed": dict(type=float, metavar="V", help="share of the full stick, 0 to 1 (default: 1)"),
+    "--speed": dict(type=float, metavar="V", help="fraction of the full stick, 0 to 1 (default: 1)"),
     "--controls": dict(
         metavar="SCRIPT",
-        help='the stick as text, in place of path, gait and speed: "stand 2; walk@90 3; jog@0*0.5 2; jump 1"',
+        help='the stick as text, instead of path, gait and speed: "stand 2; walk@90 3; jog@0*0.5 2; jump 1"',
     ),
     "--seconds": dict(type=float, metavar="S", help="default: 10, or the length of --controls"),
     "--transition": dict(type=float, default=1.0, metavar="S", help="seconds between prompts"),
@@ -71,14 +71,14 @@ _COURSE: dict[str, dict[str, Any]] = {
         "metres of the world, or after the point: along",
     ),
     "--strength": dict(
-        type=float, default=1.0, metavar="S", help="how far styles go from plain walking: 0 to 2, 1 as the model shows them"
+        type=float, default=1.0, metavar="S", help="style strength, 0 (plain walking) to 2 (exaggerated); 1 is as the model shows it"
     ),
     "--response": dict(
         type=float, default=0.0, metavar="R",
         help="how quickly starts, stops and turns follow the stick: 0 as in capture (default) to 1 as in a game",
     ),
     "--network-legs": dict(
-        action="store_true", help="leave the body as the network walks it, without the edits that show what its words say"
+        action="store_true", help="show the network's motion alone, without the body edits of the prompt"
     ),
     "--seed": dict(type=int, default=0, metavar="N"),
 }  # fmt: skip

@@ -13,7 +13,7 @@ def add(commands: Subparsers) -> None:
     """Declare the arguments."""
     restyle = commands.add_parser(
         "restyle",
-        help="walk the path of a clip (BVH, GLB, VRM, FBX) again by a prompt",
+        help="walk the path of a clip (BVH, GLB, VRM, FBX) in the style of a prompt",
         description="The new clip has the path, speed, facing, gaits and time of the given one. "
         "The same options and seed write the same file.",
     )
@@ -24,7 +24,7 @@ def add(commands: Subparsers) -> None:
         "--terrain", metavar="NAME|FILE", help="ground to walk on (default: the clip's own, or flat)"
     )
     restyle.add_argument(
-        "--animation", default="", metavar="NAME", help="which animation of a GLB, VRM or FBX"
+        "--animation", default="", metavar="NAME", help="name of an animation in a GLB, VRM or FBX"
     )
     restyle.add_argument("--seed", type=int, default=0, metavar="N")
     add_model(restyle)

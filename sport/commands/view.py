@@ -27,14 +27,14 @@ _BEFORE_BLEND: dict[str, dict[str, Any]] = {
 }
 _ARGUMENTS: dict[str, dict[str, Any]] = {
     "--character": dict(type=character_file, metavar="NAME|FILE", help="walker, or a skinned GLB, glTF or VRM"),
-    "--joint-map": dict(type=Path, metavar="JSON", help="names of its joints, in place of the file next to it"),
-    "--fit-to-motion": dict(action="store_true", help="the character gets the size of the motion, not its own"),
+    "--joint-map": dict(type=Path, metavar="JSON", help="joint map to use instead of the file next to it"),
+    "--fit-to-motion": dict(action="store_true", help="scale the character to the motion instead of keeping its own size"),
     "--clip": dict(type=Path, metavar="FILE", help="motion to open: BVH, GLB, VRM, FBX"),
     "--session": dict(metavar="FILE", help='session to open, or "last"'),
     "--size": dict(metavar="WxH", help="window in pixels, e.g. 1280x720"),
     "--ui-scale": dict(type=float, metavar="S", help="size of the interface, 1 is 96 dpi"),
     "--no-panels": dict(action="store_true", help="begin without panels"),
-    "--quality": dict(choices=("fast", "software", "high"), help="rendering preset (default: by machine)"),
+    "--quality": dict(choices=("fast", "software", "high"), help="rendering preset (default: chosen for this machine)"),
     "--camera": dict(choices=("follow", "orbit")),
     "--response": dict(
         type=float, metavar="R",

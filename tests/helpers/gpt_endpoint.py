@@ -25,7 +25,7 @@ STYLES = load_styles(asset_path("prompts/styles.json"))
 PROUD, DRUNK = STYLES["proud"].descriptions[1], STYLES["drunk"].descriptions[1]
 FIVE = {part: text for part, text in PROUD.to_mapping().items() if part != "head"}
 INSTRUCTIONS = load_structured_prompt()
-LONG = 60.0  # seconds that no test waits
+UNREACHED_DELAY_S = 60.0  # seconds that no test waits
 PROSE = "A proud person walks with the chest out and the arms swinging widely."
 
 

@@ -11,7 +11,7 @@ import pytest
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.service import PromptWorker
 from runtime.skeleton import PART_NAMES
-from tests.helpers.gpt_endpoint import LONG, Endpoint, Handler, fail, say, serving
+from tests.helpers.gpt_endpoint import UNREACHED_DELAY_S, Endpoint, Handler, fail, say, serving
 from viewer.jobs import Slot
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class Model(Endpoint):
         self.status, self.script = 200, [self._answer]
 
     def _answer(self, handler: Handler) -> None:
-        self.waited_out += not self.released.wait(LONG)
+        self.waited_out += not self.released.wait(UNREACHED_DELAY_S)
         if self.status == 200:
             say(ANSWER.to_json())(handler)
         else:

@@ -62,11 +62,11 @@ def test_a_copy_is_apart_down_to_its_last_record() -> None:
             lambda tree: tree["feet"][1].update(hold="heel"),
             r"file\.feet\[1\]\.hold: expected one of '', 'toe'",
         ),
-        (lambda tree: tree["feet"][0].update(yaw=float("nan")), r"\.yaw: a number that no character reaches"),
+        (lambda tree: tree["feet"][0].update(yaw=float("nan")), r"\.yaw: a number out of range"),
         (lambda tree: tree["feet"][0].update(height=True), r"\.height: expected a number"),
         (lambda tree: tree.update(steps=[1.5, 2]), r"\.steps\[0\]: expected a whole number"),
         (lambda tree: tree.update(steps=[1, 2, 3]), r"\.steps: expected 2 values"),
-        (lambda tree: tree.update(place=7), r"\.place: names no array"),
+        (lambda tree: tree.update(place=7), r"\.place: refers to no array"),
         (lambda tree: tree.update(feet={}), r"\.feet: expected a list"),
     ],
 )

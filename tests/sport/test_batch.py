@@ -157,7 +157,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(clips, "write_clips", write_clips)
     monkeypatch.setattr(run, "processes", lambda workers, scratch: Here())
-    monkeypatch.setattr(work, "AHEAD", 1)
+    monkeypatch.setattr(work, "QUEUED_PER_CORE", 1)
     monkeypatch.setattr(run, "cores", lambda: 1)
     return made
 
@@ -283,7 +283,7 @@ def test_a_worker_that_dies_costs_its_row_alone(tmp_path: Path) -> None:
     target = tmp_path / "clips"
     made = work.make_rows([bad, *good], target, lambda: work.processes(1), 1)
     found = {line["row"]: line for line in made}
-    assert found[9]["error"] == "the process that made it ended"
+    assert found[9]["error"] == "its worker process ended"
     assert found[1]["error"] is None
     assert "--seconds" not in found[2]["error"]
     assert "seconds -1: expected" in found[2]["error"]
@@ -312,7 +312,7 @@ def test_a_batch_killed_half_way_goes_on_and_ends_complete(tmp_path: Path) -> No
     assert 2 <= len(before) < 4
     done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert f"{len(before)} of 4 clips are there already" in done.stderr
+    assert f"{len(before)} of 4 clips already exist" in done.stderr
     found = lines(folder)
     assert [line["row"] for line in found] == list(range(1, 5))
     names = {name for line in found for name in line["files"]}

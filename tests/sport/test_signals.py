@@ -58,7 +58,7 @@ def test_a_signal_ends_a_command_and_leaves_nothing(moment: str, place: Place) -
     assert found.code == 128 + number, found.said
     what = "Ctrl+C" if name == "SIGINT" else name
     *before, last = found.said.splitlines()
-    assert last == f"sport: stopped by {what}; what was unfinished is removed."
+    assert last == f"sport: stopped by {what}; unfinished files were removed."
     assert before == (["sport: new/deep: this folder is new."] if arguments[-1].startswith("new") else [])
     assert found.left == []
 
@@ -69,7 +69,7 @@ def test_a_batch_ends_with_its_workers_and_goes_on_later(place: Place) -> None:
     arguments = (*GENERATE, "clips", "--batch", "list.csv", "--workers", "2")
     found = ended(place, "SIGTERM", ("open", "manifest.jsonl", "1"), arguments)  # as the first row is done
     assert found.code == 143, found.said
-    assert found.said.splitlines()[-1] == "sport: stopped by SIGTERM; the same command goes on from here."
+    assert found.said.splitlines()[-1] == "sport: stopped by SIGTERM; run the same command again to continue."
     assert "Traceback" not in found.said
     assert "leaked" not in found.said
     assert found.running == 0

@@ -131,7 +131,7 @@ def test_an_ending_that_nothing_writes_is_refused_with_those_that_are(
             "--with-ground: nothing that a .bvh file has; .glb, .fbx, .usdz, .usd have it",
         ),
         (["x.glb", "y.glb", "--ground-out", "g.obj"], "--ground-out"),
-        (["up.bvh"], "over itself"),
+        (["up.bvh"], "overwrite itself"),
     ],
 )
 def test_mistakes_are_one_sentence_and_leave_no_file(

@@ -63,5 +63,5 @@ def test_a_take_that_is_driven_to_nowhere_is_refused(x: float, monkeypatch: pyte
     frames = InputFrames.of(InputFrame(Controls(), 1.0, 1.0) for _ in range(len(clip())))
     monkeypatch.setattr("runtime.takes.input_recording.take_snapshot", lambda _: state)
     controller: Any = Lost(x)
-    with pytest.raises(FileError, match="poses that are none"):
+    with pytest.raises(FileError, match="invalid poses"):
         resimulated_take(clip(), InputRecording(frames, (), (Keyframe(0, state),)), controller, 0)

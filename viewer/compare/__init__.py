@@ -1,1 +1,1 @@
-"""The compare view: several characters next to each other on one stick, to compare prompts, seeds and blends."""
+"""The compare view: several characters side by side, controlled by one stick, to compare prompts, seeds and blends."""

@@ -1,4 +1,4 @@
-"""The compare view: variants of the prompt move on one stick, and one of them becomes the live character."""
+"""The compare view: variants of the prompt follow one stick, and one of them can become the live character."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from viewer.scene.simulation import STEP_SECONDS, interpolate, steps_of
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 
-FEWEST, MOST = 2, 9
-FIRST_COUNT = 3  # variants of a view that was just opened
-MIN_PITCH_RAD = 0.3  # rad; from lower, a second row hides behind the first
+MIN_CHARACTERS, MAX_CHARACTERS = 2, 9
+FIRST_COUNT = 3  # variants of a newly opened view
+MIN_PITCH_RAD = 0.3  # seen from lower, the second row is hidden by the first
 GLIDE_HALF_LIFE_S = 0.25  # seconds, of target and distance
 _LOG = logging.getLogger("sport.viewer")
 
@@ -51,20 +51,20 @@ class CompareView:
     prompting: PromptController
     hovered: int = -1  # index of the variant under the mouse
     focus_requested: bool = False
-    texts: dict[int, str] = field(default_factory=dict)  # typed into the fields, by the variants' numbers
+    texts: dict[int, str] = field(default_factory=dict)  # typed text, by the variants' numbers
     pending: set[int] = field(default_factory=set)  # variants whose text has no answer yet
     members: list[Controller] = field(default_factory=list)
-    steps: int = 0  # of the last frame
-    poses: list[Pose] = field(default_factory=list)  # after the last step, one for each variant
-    _standing: tuple[Variant, ...] = ()  # whom the members move as
+    steps: int = 0  # simulation steps of the last frame
+    poses: list[Pose] = field(default_factory=list)  # after the last step, one per variant
+    _standing: tuple[Variant, ...] = ()  # the variants that the controllers were made for
     _before: list[Pose] = field(default_factory=list)
     _crowd: Crowd | None = None
     _live: Controller | None = None
     _ground: Terrain | None = None
     _left_s: float = 0.0
-    _camera: tuple[str, float, float] = ("follow", 0.0, 0.0)  # mode, distance, pitch before it was opened
-    _zoom: float = 1.0  # of the user, over the distance that shows all
-    _distance: float = 0.0  # given to the camera last; 0 before
+    _camera: tuple[str, float, float] = ("follow", 0.0, 0.0)  # mode, distance and pitch before it was opened
+    _zoom: float = 1.0  # the user's zoom, relative to the distance that shows all
+    _distance: float = 0.0  # last camera distance; 0 before
 
     def __post_init__(self) -> None:
         self._file = self.editor.file
@@ -90,7 +90,7 @@ class CompareView:
         reset = lambda: (self.line_up if self.open else self.scene.reset_character)()  # noqa: E731
         return {Action.COMPARE: self.toggle, Action.RESET: reset}
 
-    # --- who is compared
+    # --- variants
 
     def toggle(self) -> None:
         """Open the compare view, with the stored variants of the prompt or new ones, or close it."""
@@ -132,19 +132,19 @@ class CompareView:
         first = self._next_number
         if self._compare("comparison of the last prompts", [(blend, self._seed)] * (len(texts) + 1)):
             for number, text in enumerate(texts, first + 1):
-                self._ask(number, text, self.editor.revise)  # no step: the variants wait for it
+                self._ask(number, text, self.editor.revise)  # not undoable: the variants wait for it
 
     @property
     def _next_number(self) -> int:
-        """A number that no variant of any step has."""
+        """Return a number unused by the variants of any step."""
         steps = self.editor.history.steps
         return 1 + max((v.number for step in steps for v in step.session.variants), default=0)
 
     def _compare(self, label: str, moves: Sequence[tuple[PromptBlend, int]]) -> bool:
-        """Make variants by prompt and seed, as a step; return whether there is a model to move them, and enough to compare."""
+        """Make variants by prompt and seed, as an undo step; return whether there is a model and enough to compare."""
         if not self._ready:
             return False
-        if len(moves) < FEWEST:
+        if len(moves) < MIN_CHARACTERS:
             self.messages.warn("Nothing to compare yet: type another prompt.")
             return False
         variants = tuple(Variant(number, *move) for number, move in enumerate(moves, self._next_number))
@@ -155,7 +155,7 @@ class CompareView:
 
     def add(self) -> None:
         """Add a variant with the live prompt and the next seed."""
-        if len(self.variants) < MOST:
+        if len(self.variants) < MAX_CHARACTERS:
             seed = max((variant.seed for variant in self.variants), default=self._seed - 1) + 1
             more = Variant(self._next_number, self.prompting.prompt, seed)
             label = f"variant {len(self.variants) + 1} added"
@@ -163,7 +163,7 @@ class CompareView:
 
     def remove(self, index: int) -> None:
         """Remove a variant, down to two."""
-        if len(self.variants) > FEWEST:
+        if len(self.variants) > MIN_CHARACTERS:
             rest = self.variants[:index] + self.variants[index + 1 :]
             self.editor.do(f"variant {index + 1} removed", lambda session: replace(session, variants=rest))
 
@@ -197,7 +197,7 @@ class CompareView:
         self.texts.pop(number, None)
 
     def _withdraw(self) -> bool:
-        """Take back the prompts of variants that have no answer yet, and say so; whether there were any."""
+        """Cancel the unanswered prompts of variants, with a message; return whether there were any."""
         pending = tuple(self.pending)
         for number in pending:
             self.messages.note(f"Withdrawn: prompt {quoted(self.texts[number])}.")
@@ -208,7 +208,7 @@ class CompareView:
 
     @property
     def _ready(self) -> bool:
-        """Whether a model and a prompt are there; else it is said."""
+        """Whether a model and a prompt are loaded; otherwise shows a message."""
         ready = self.scene.controller is not None and self.prompting.prompt.a is not None
         if not ready:
             self.messages.warn("The compare view needs a model and a prompt: wait until both are loaded.")
@@ -223,7 +223,7 @@ class CompareView:
         standing = self._standing
         if not self.open or now.variants == standing:
             return
-        if len(now.variants) < FEWEST:
+        if len(now.variants) < MIN_CHARACTERS:
             self.close()
         elif [v.number for v in now.variants] != [v.number for v in standing]:
             self._stand()
@@ -246,7 +246,7 @@ class CompareView:
         member.reset(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
 
     def _open(self) -> None:
-        """Show the session's variants; whatever else was going on ends."""
+        """Show the session's variants; ends everything else in progress."""
         if not self._ready:
             return
         self.takes.close_playback()
@@ -264,7 +264,7 @@ class CompareView:
         self._stand()
 
     def _stand(self) -> None:
-        """Put a character for each variant into a line where the former ones are."""
+        """Line up a character for each variant at the place of the former ones."""
         if self._live is None:
             return
         centre, yaw = self._middle()
@@ -316,7 +316,7 @@ class CompareView:
             self.takes.mark_style(blend, 0.0, holds=True)
         self.messages.note(f"Kept: {title}.")
 
-    # --- moving
+    # --- simulation
 
     def line_up(self) -> None:
         """Line all characters up again at their place, facing the view."""
@@ -362,7 +362,7 @@ class CompareView:
         begin = time.perf_counter()
         try:
             poses = self._crowd.step(controls)
-        except Exception as error:  # a foreign network may fail in any way; the window must live on
+        except Exception as error:  # an arbitrary network may fail in any way; the window must survive
             _LOG.exception("the compare view failed")
             self.close()
             self.messages.error(f"Compare view closed: the model failed ({error}).")
@@ -398,7 +398,7 @@ class CompareView:
 
 
 def _with_variant(number: int, change: Callable[[Variant], Variant]) -> Change:
-    """Return a change of one variant as one of the session."""
+    """Convert a change of one variant to a change of the session."""
 
     def changed(session: Session) -> Session:
         variants = tuple(change(v) if v.number == number else v for v in session.variants)

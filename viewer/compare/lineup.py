@@ -1,4 +1,4 @@
-"""Where compared characters stand in a line, what a camera has to show of them, and what each is called."""
+"""Positions, camera distance and names of compared characters."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from viewer.render.camera import Camera
 
 SPACING_M = 1.5  # between neighbours
 ROW_M = 2.2  # between two rows
-LONGEST_ROW = 5
-ABOVE_M = 2.15  # the highest point of a character and its name
-FILLED_VIEW_FRACTION = 0.86  # of the view that they fill
+MAX_ROW_CHARACTERS = 5
+ABOVE_M = 2.15  # top of a character with its name
+FILLED_VIEW_FRACTION = 0.86  # of the view, filled by the characters
 
 
 def places(count: int, centre: tuple[float, float], heading: float) -> list[tuple[float, float]]:
     """Return X and Z (metres) of characters lined up across `heading` (radians), the first on the left.
 
-    Six and more stand in two rows, the second behind the gaps of the first.
+    Six or more stand in two rows, the second behind the gaps of the first.
     """
-    rows = [count] if count <= LONGEST_ROW else [(count + 1) // 2, count // 2]
+    rows = [count] if count <= MAX_ROW_CHARACTERS else [(count + 1) // 2, count // 2]
     ahead = np.array([math.sin(heading), math.cos(heading)])
     right = np.array([-ahead[1], ahead[0]])
     found = []

@@ -1,4 +1,4 @@
-"""The compare view's panel in the place of the prompt, and the names over its characters."""
+"""The compare view's panel, in place of the prompt panel, and the names above its characters."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from runtime.session.prompt_blend import Side
 from runtime.session.session import Variant
 from runtime.skeleton import SPORT_SKELETON
-from viewer.compare.compare_view import FEWEST, MOST, CompareView
-from viewer.compare.lineup import LONGEST_ROW, names, weight_of
+from viewer.compare.compare_view import MAX_CHARACTERS, MIN_CHARACTERS, CompareView
+from viewer.compare.lineup import MAX_ROW_CHARACTERS, names, weight_of
 from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
@@ -54,7 +54,7 @@ def draw(compare: CompareView) -> None:
 def _lineups(compare: CompareView) -> None:
     widgets.muted("One stick drives all. Click one to keep it.", wrap=True)
     blends = compare.blends if compare.prompting.prompt.b else None
-    enough = len(compare.settings.prompt_history) >= FEWEST
+    enough = len(compare.settings.prompt_history) >= MIN_CHARACTERS
     widgets.buttons(
         ("Seeds", "The live prompt, with a seed for each", compare.seeds),
         ("Blend", "From prompt A to prompt B in equal steps", blends),
@@ -63,7 +63,7 @@ def _lineups(compare: CompareView) -> None:
 
 
 def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool]:
-    """Draw one character; return whether it is to be kept, and to be removed."""
+    """Draw one character; return whether to keep it, and whether to remove it."""
     lit = index == compare.hovered
     imgui.align_text_to_frame_padding()
     widgets.label(f"{index + 1}", theme.ACCENT if lit else theme.MUTED)
@@ -82,13 +82,13 @@ def _row(compare: CompareView, index: int, variant: Variant) -> tuple[bool, bool
     rest = imgui.get_content_region_avail().x - imgui.get_frame_height() - px(4)
     keep = widgets.button(f"{ICON.check} Keep", rest, "Make this the live character, with its prompt")
     widgets.same_line()
-    more = len(compare.variants) > FEWEST
-    remove = widgets.icon_button(ICON.close, "remove", "Remove this one", theme.MUTED, more)
+    more = len(compare.variants) > MIN_CHARACTERS
+    remove = widgets.icon_button(ICON.close, "remove", "Remove this character", theme.MUTED, more)
     return keep, remove
 
 
 def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
-    """Draw the prompt's field; what is typed stays in it until Enter."""
+    """Draw the prompt's field, which keeps its text until Enter."""
     name, prompt = "##variant prompt", variant.prompt.prompt(Side.A)
     field_id = imgui.get_id(name)
     if is_active(field_id):
@@ -110,7 +110,7 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
 
 
 def _buttons(compare: CompareView) -> None:
-    add = compare.add if len(compare.variants) < MOST else None
+    add = compare.add if len(compare.variants) < MAX_CHARACTERS else None
     widgets.buttons(
         (f"{ICON.plus} Add", "Add a character: the live prompt, the next seed", add),
         ("Line up", "Line them up again (Home)", compare.line_up),
@@ -121,10 +121,10 @@ def _buttons(compare: CompareView) -> None:
 Place = tuple[float, float]  # on the screen
 HEAD = SPORT_SKELETON.index("Head")
 OVER_HEAD = np.array([0.0, 0.34, 0.0])  # metres
-HALF_WIDTH_M = 0.4  # of a character, to be clicked
+HALF_WIDTH_M = 0.4  # clickable half width of a character
 MAX_NAME_PX, MIN_NAME_PX = 190.0, 60.0  # pixels at scale 1
 NAME_PADDING_PX, MIN_WORDS_PX = 6.0, 56.0
-NAMES_FROM_PX = 110.0  # where there is less room for a name
+NAMES_FROM_PX = 110.0  # minimum room for a name
 
 
 def names_panel(compare: CompareView) -> Panel:
@@ -151,23 +151,23 @@ def names_panel(compare: CompareView) -> Panel:
 def _draw_name(
     compare: CompareView, index: int, head: Place, foot: Place | None, width: float, view: Rect
 ) -> None:
-    """Draw the number and name of a character at a place on the screen, as wide as there is room."""
+    """Draw the number and name of a character at a screen position, as wide as there is room."""
     hovered, count = index == compare.hovered, len(compare.poses)
-    if width < px(NAMES_FROM_PX) and not hovered:  # the panel has the names
+    if width < px(NAMES_FROM_PX) and not hovered:  # the panel shows the names
         text = f"{index + 1}"
     else:
         name = _name_of(compare, index, hovered)
         text = _fitted(
             f"{index + 1}", *name, (px(MAX_NAME_PX) if hovered else width) - 2 * px(NAME_PADDING_PX)
         )
-    # of two rows the first has its names under the feet: over the heads they would cover the second
-    if foot is not None and index < (count + 1) // 2 and count > LONGEST_ROW:
+    # names of the front row go below the feet: above the heads they would cover the back row
+    if foot is not None and index < (count + 1) // 2 and count > MAX_ROW_CHARACTERS:
         head = foot[0], foot[1] + 2.0 * imgui.get_text_line_height()
     _label(text, head, hovered, view)
 
 
 def _name_of(compare: CompareView, index: int, whole: bool) -> tuple[str, str]:
-    """Return its prompt and what differs; "" for a prompt that all have, unless the `whole` name is wanted."""
+    """Return its prompt and what differs; "" for a prompt shared by all, unless the `whole` name is requested."""
     if compare.variants[index].number in compare.pending:
         return "…", ""
     found = names(compare.variants)
@@ -177,7 +177,7 @@ def _name_of(compare: CompareView, index: int, whole: bool) -> tuple[str, str]:
 
 
 def _name_width(heads: list[Place]) -> float:
-    """Return pixels for one name, so that neighbours at about the same height do not overlap."""
+    """Return the width in pixels for one name, so that neighbours at similar height do not overlap."""
     line = 1.5 * imgui.get_text_line_height()
     gaps = [abs(a[0] - b[0]) for k, a in enumerate(heads) for b in heads[:k] if abs(a[1] - b[1]) < line]
     return min(max(min(gaps, default=px(MAX_NAME_PX)) - px(6), px(MIN_NAME_PX)), px(MAX_NAME_PX))
@@ -198,7 +198,7 @@ def _under_mouse(heads: list[Place | None], feet: list[Place | None]) -> int:
 
 
 def _fitted(number: str, name: str, rest: str, width: float) -> str:
-    """Return the name cut to a width; the rest, which tells it from others of that name, stays whole."""
+    """Return the name shortened to a width; the part that distinguishes it stays complete."""
     room = width - imgui.calc_text_size(rest).x
     if not name or room < px(MIN_WORDS_PX):
         return widgets.elided(f"{number}  {rest.lstrip(', ') or name}", width)

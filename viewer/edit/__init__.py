@@ -1,1 +1,1 @@
-"""The tools that edit a take of the list or the live character: one file each, with handles, panel and edit."""
+"""Editing tools for a listed take or the live character, one file each, with handles, panel and edits."""

@@ -1,4 +1,4 @@
-"""The camera of a take: views are keyed at frames, dragged on a track of the timeline, looked through, and filmed."""
+"""The camera of a take: keyed views, shown on a track of the timeline, looked through, and filmed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from viewer.render.camera import FOV_Y_RAD, looked_at
 from viewer.scene.camera_control import CameraControl
 from viewer.session.takes import Takes
 
-FILM_VIEW_FRACTION = 0.96  # of the free view is the film, that its edges are seen
+FILM_VIEW_FRACTION = 0.96  # of the free view that the film covers, so that its edges are visible
 
 
 @dataclass
@@ -30,9 +30,9 @@ class CameraKeys:
     editor: Editor
     takes: Takes
     control: CameraControl
-    # its size as "width x height", and its field of view in degrees, 0: the usual one
+    # its size as "width x height", and its field of view in degrees (0 for the default)
     film: Callable[[], tuple[str, float]]
-    _frame: tuple[int, int] = (-1, -1)  # the take and the frame that were looked at last
+    _frame: tuple[int, int] = (-1, -1)  # take and frame last looked at
 
     @property
     def keys(self) -> tuple[CameraKey, ...]:
@@ -46,7 +46,7 @@ class CameraKeys:
     def toggle(self) -> None:
         """Look through the camera keys, or stop with the view where it is."""
         if not self.keys:
-            self.editor.messages.note("No camera keys: “+ Pin”, Camera key sets one on the timeline.")
+            self.editor.messages.note("No camera keys: add one with “+ Pin”, Camera key.")
         self.control.keyed, self._frame = not self.through, (-1, -1)
 
     def add(self) -> None:
@@ -72,7 +72,7 @@ class CameraKeys:
         self.control.keyed = playback is not None and len(keys) > 1
         self.editor.messages.note(
             f"{take.title}: {len(keys)} camera key{'s' * (len(keys) > 1)}."
-            " A film with the camera “keyed” looks through them."
+            " Films with the camera “keyed” use them."
         )
 
     def look(self, pose: Pose, terrain: Terrain) -> None:

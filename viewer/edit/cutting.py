@@ -1,4 +1,4 @@
-"""Cut, split, repeat and join of takes: a menu over the timeline of the take that plays."""
+"""Cut, split, repeat and join takes: a menu of the playing take."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from viewer.session.takes import Takes
 
 CUTTING = Slot("cut of a take")
 TIMES = (2, 3, 4, 8)
-MAX_FRAMES = 216_000  # of what is made: an hour
+MAX_FRAMES = 216_000  # of the result: an hour
 CUT_HINT = "A new take without the frames between the trim handles, blended over the gap"
 SPLIT_HINT = "Two takes; the handles of each can be dragged back"
-REPEAT_HINT = "A new take that repeats what the handles keep"
+REPEAT_HINT = "A new take that repeats the trimmed range"
 LOOP_HINT = "A new take of the best cycle, as an export with “Loop” writes it"
 JOIN_HINT = "A new take: this one, then another one"
 
@@ -51,7 +51,7 @@ class Cutting:
         """Create a take without the range between the trim handles."""
         take = self.takes.played
         if take is not None and not take.trimmed:
-            self.takes.messages.note("Put the trim handles around what is to be cut out.")
+            self.takes.messages.note("Set the trim handles around the part to cut out.")
         elif take is not None:
             first, last = take.range
             self._make(
@@ -87,7 +87,7 @@ class Cutting:
             self._make(take, name, lambda: joined(take.exported, other.exported, grounds), take.range[0])
 
     def _make(self, take: Take, name: str, work: Callable[[], Clip], begin: int, times: int = 1) -> None:
-        """Make a take of another one on a worker; its camera keys come along from the frame `begin` on."""
+        """Make a take from another one on a worker; camera keys are kept from frame `begin` on."""
         if times * take.frames > MAX_FRAMES:
             self.takes.messages.note("That take would last more than an hour.")
             return
@@ -115,7 +115,7 @@ class Cutting:
         take = self.takes.played
         others = [other for other in self.takes.session.takes if other is not take]
         for text, hint, act in (
-            ("Split here", SPLIT_HINT, self.split), ("Cut out what the handles keep", CUT_HINT, self.cut),
+            ("Split here", SPLIT_HINT, self.split), ("Cut out the trimmed range", CUT_HINT, self.cut),
             ("Loop", LOOP_HINT, self.loop),
         ):  # fmt: skip
             if widgets.item(text, hint):

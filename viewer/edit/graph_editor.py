@@ -1,4 +1,4 @@
-"""The graph editor: curves of pose and camera keys over the frames of a take, whose keys are chosen, dragged and eased."""
+"""The graph editor: pose and camera curves over the frames of a take, with keys to select, drag and ease."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from viewer.gui.widgets import px
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
-SIZE_PX = (760.0, 300.0)  # of the window when it opens, at scale 1
+SIZE_PX = (760.0, 300.0)  # initial size of the window, at scale 1
 MIN_SIZE_PX = (420.0, 200.0)
-OPENING_HEIGHT_FRACTION = 0.6  # of the view, at most
+OPENING_HEIGHT_FRACTION = 0.6  # of the view, limit of the initial height
 MIN_PLOT_PX = (80.0, 60.0)
 LIST_WIDTH_PX, FIELD_WIDTH_PX, FIELDS = 132.0, 74.0, 5  # fields in the line above the plot
-GRAB_PX = 9.0  # a click nearer to a key takes it
+GRAB_PX = 9.0  # distance at which a click takes a key
 KEY_PX, CHOSEN_KEY_PX = 4.0, 5.5  # radii
 SAMPLES = 240  # of a curve across the plot
-MIN_SPAN = {"°": 10.0, "cm": 4.0, "m": 0.5}  # of the values shown
+MIN_SPAN = {"°": 10.0, "cm": 4.0, "m": 0.5}  # minimum range of the values shown
 _FLAGS = imgui.WindowFlags_
 _SCROLLS_NOT = _FLAGS.no_scrollbar | _FLAGS.no_scroll_with_mouse
 CAMERA_TINTS = ((0.95, 0.78, 0.42, 1.0), (0.80, 0.55, 0.92, 1.0), (0.45, 0.80, 0.86, 1.0), *AXES)
 HELP = (
-    "Click or box keys, Shift adds. Drag moves them; Ctrl in one direction alone.\n"
-    "Double click sets a key. Del removes, Ctrl+A chooses all.\n"
-    "Wheel zooms, a middle drag scrolls; the line is the frame shown."
+    "Click or box-select keys, Shift adds. Drag to move them; Ctrl locks the direction.\n"
+    "Double-click adds a key. Del deletes, Ctrl+A selects all.\n"
+    "Wheel zooms, middle drag scrolls; the line is the frame shown."
 )
 
 
@@ -48,11 +48,11 @@ class Grab:
     """What is being dragged: keys, the playhead, or a selection box."""
 
     what: str  # "keys", "frame" or "box"
-    frame: float  # where it was pressed,
+    frame: float  # where the drag began,
     value: float  # in the plot's axes
-    before: KeyedCurves  # what was there then
-    chosen: frozenset[CurveKey]  # likewise
-    moves: int  # of the history: after more nothing is dragged
+    before: KeyedCurves  # the curves at that time
+    chosen: frozenset[CurveKey]  # the selection at that time
+    moves: int  # of the history at that time: the drag ends when there are more
 
 
 @dataclass
@@ -66,8 +66,8 @@ class GraphEditor:
     chosen: frozenset[CurveKey] = frozenset()
     hidden: set[tuple[Curve, int]] = field(default_factory=set)
     _grab: Grab | None = None
-    _fits: bool = True  # the plot shows everything in the next frame
-    _take: int = 0  # whose keys are chosen
+    _fits: bool = True  # show everything in the next frame
+    _take: int = 0  # take of the selected keys
     _field_width: float = 0.0
 
     @property
@@ -131,7 +131,7 @@ class GraphEditor:
         grab = self._grab
         if grab is None:
             return
-        moved = grab.before.moved(grab.chosen, 0, lambda _: 0.0)  # as it is, where nothing can be moved
+        moved = grab.before.moved(grab.chosen, 0, lambda _: 0.0)  # unchanged if the move is impossible
         frames = grab.before.bounded(grab.chosen, frames)
 
         def change() -> KeyedCurves:
@@ -178,7 +178,7 @@ class GraphEditor:
             self.open = False
 
     def _keys(self) -> None:
-        """Act on keys of the keyboard while the mouse is over the window, as it is where keys are clicked."""
+        """Handle key presses while the mouse is over the window."""
         over = imgui.is_window_hovered(imgui.HoveredFlags_.root_and_child_windows)
         if not over or imgui.get_io().want_text_input:
             return
@@ -205,15 +205,15 @@ class GraphEditor:
         self._eases(curves)
 
     def _chosen_key(self, curves: KeyedCurves) -> None:
-        """Draw frame and value of the key that is chosen alone."""
+        """Draw frame and value of a single selected key."""
         (first, *others) = self.chosen or (None,)
         frame = value = 0.0
         if first is not None:
             frame, value = float(first.frame), curves.keys(first.channel)[first.frame]
         with widgets.disabled(first is None or others):
-            new_frame = self._number("frame", frame, "frame %.0f", "Frame of the chosen key")
+            new_frame = self._number("frame", frame, "frame %.0f", "Frame of the selected key")
             unit = first.channel.unit if first is not None else ""
-            new_value = self._number("value", value, f"%.1f {unit}", "Value of the chosen key")
+            new_value = self._number("value", value, f"%.1f {unit}", "Value of the selected key")
         if first is not None and (round(new_frame) != first.frame or abs(new_value - value) > 1e-4):
             by, chosen = round(new_frame) - first.frame, self.chosen
             change = new_value - value
@@ -227,7 +227,7 @@ class GraphEditor:
             options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
             now = next(iter(tangents)) if len(tangents) == 1 else None
             picked = widgets.combo("##curve tangent", options, now)
-            widgets.tooltip("How the curves pass the chosen pose keys")
+            widgets.tooltip("Tangents of the selected pose keys")
         if isinstance(picked, Tangent) and tangents != {picked} and tangents:
             self.put("tangent of keys", lambda: curves.with_tangent(self.chosen, picked))
         imgui.same_line()
@@ -274,7 +274,7 @@ class GraphEditor:
     def _plot(self, curves: KeyedCurves, playback: Playback) -> None:
         flags = implot.Flags_
         chosen = flags.no_title | flags.no_legend | flags.no_menus | flags.no_box_select | flags.no_mouse_text
-        implot.get_input_map().pan = 2  # the middle button: the left one chooses and drags
+        implot.get_input_map().pan = 2  # the middle button: the left one selects and drags
         implot.get_style().plot_min_size = imgui.ImVec2(*map(px, MIN_PLOT_PX))
         if not implot.begin_plot("##curves", imgui.ImVec2(-1, -1), chosen):
             return
@@ -320,7 +320,7 @@ class GraphEditor:
         implot.pop_plot_clip_rect()
 
     def _overlay(self, playback: Playback) -> None:
-        """The line of the frame shown, and the box that chooses keys."""
+        """Draw the line of the frame shown, and the selection box."""
         limits, drawing = implot.get_plot_limits(), implot.get_plot_draw_list()
         implot.push_plot_clip_rect()
         low = implot.plot_to_pixels(playback.frame, limits.y.min)
@@ -379,7 +379,7 @@ class GraphEditor:
         if grab.what != "keys":
             return
         frames, value = round(mouse.x - grab.frame), mouse.y - grab.value
-        if imgui.get_io().key_ctrl:  # the larger way on the screen alone
+        if imgui.get_io().key_ctrl:  # only the direction dragged farther on the screen
             drag = imgui.get_mouse_drag_delta(0)
             frames, value = (frames, 0.0) if abs(drag.x) >= abs(drag.y) else (0, value)
         if imgui.is_mouse_dragging(0):
@@ -398,7 +398,7 @@ class GraphEditor:
         self.chosen = grab.chosen | {k for k, at in keys if left <= at.x <= right and top <= at.y <= bottom}
 
     def _insert_under(self, curves: KeyedCurves, channels: list[Channel], frame: float, value: float) -> None:
-        """Set a key on the curve that is nearest to a point of the plot."""
+        """Insert a key on the curve nearest to a point of the plot."""
         at = min(max(round(frame), 0), curves.frames - 1)
         seconds: Array = np.array([at / curves.fps])
         away = [abs(float(curves.values(channel, seconds)[0]) - value) for channel in channels]
@@ -407,7 +407,7 @@ class GraphEditor:
 
 
 def _on_screen(curves: KeyedCurves, channels: list[Channel]) -> dict[CurveKey, imgui.ImVec2]:
-    """Return where the keys of channels show in the plot that is drawn."""
+    """Return the screen positions of the channels' keys in the current plot."""
     return {
         CurveKey(channel, frame): implot.plot_to_pixels(frame, value)
         for channel in channels

@@ -1,4 +1,4 @@
-"""What the mouse takes in the view: points that it drags, in the plane that faces the camera or on the ground, and rings that turn a joint."""
+"""Mouse handles in the view: points dragged in the plane facing the camera or on the ground, and rotation rings."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 
-GRAB_PX = 15.0  # at scale 1: a click nearer to a point takes it
-REACH_M = 80.0  # ground farther away is out of the mouse's reach
+GRAB_PX = 15.0  # at scale 1: distance at which a click takes a point
+REACH_M = 80.0  # range of the mouse on the ground
 RAY_STEPS = 400
 
 
@@ -26,8 +26,8 @@ class Handles:
     """Tracks which of several points the left button drags."""
 
     held: int = -1  # -1 for none
-    pressed: bool = False  # in this frame, where no panel has the mouse
-    _moves: int = 0  # of the history, when it was grabbed
+    pressed: bool = False  # in this frame, outside the panels
+    _moves: int = 0  # of the history when the point was grabbed
 
     def use_mouse(self, editor: Editor, camera: Camera, points: Array) -> bool:
         """Grab the nearest of `points` `(n, 3)` or release it; return whether a grabbed point is dragged in this frame."""
@@ -88,12 +88,12 @@ def on_screen(camera: Camera, point: Array, size: imgui.ImVec2) -> tuple[float, 
 
 
 RADIUS_WIDTH_FRACTION = 0.055  # of the width of the window
-OUTER_RADIUS_RATIO = 1.15  # of the ring that faces the camera over the others
-RING_GRAB_PX = 8.0  # at scale 1, how near to a ring the mouse takes it
+OUTER_RADIUS_RATIO = 1.15  # radius of the ring facing the camera, relative to the others
+RING_GRAB_PX = 8.0  # at scale 1: distance at which the mouse takes a ring
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 97)
 AXES = ((0.90, 0.40, 0.38, 1.0), (0.55, 0.80, 0.42, 1.0), (0.42, 0.62, 0.95, 1.0))  # x, y, z
 TINTS = (*AXES, theme.TEXT)
-HIDDEN_RADIUS_FRACTION = -0.1  # of the radius: what lies farther behind the joint is hidden
+HIDDEN_RADIUS_FRACTION = -0.1  # of the radius: points farther behind the joint are hidden
 
 
 @dataclass
@@ -133,7 +133,7 @@ class Rings:
         return rotations.from_axis_angle(normals[self.held], np.array(angle))
 
     def _hold(self, away: list[Array]) -> None:
-        """Take the ring nearest to the mouse, whose points are `away` (n,) from it, or let go."""
+        """Take the ring nearest to the mouse, given its points' distances `away` (n,), or release it."""
         if self.held < 0:
             nearest = int(np.argmin([np.nanmin(distances) for distances in away]))
             near = np.nanmin(away[nearest]) <= RING_GRAB_PX * imgui.get_style().font_scale_dpi
@@ -153,7 +153,7 @@ class Rings:
 
 
 def _ring(camera: Camera, place: Array, normal: Array, to_eye: Array, outer: bool) -> Array:
-    """Return where the points of a ring show (n, 2), in screen units; NaN for those behind the joint."""
+    """Return the screen positions of a ring's points (n, 2); NaN for those behind the joint."""
     size, view = imgui.get_io().display_size, camera.view_matrix().astype(float)
     depth = -(view @ np.array([*place, 1.0]))[2]
     metres = (

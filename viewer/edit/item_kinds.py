@@ -1,4 +1,4 @@
-"""What lies on each track: its items, and how an edit takes some away and puts others."""
+"""The kinds of items on each track, and how edits remove and add them."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def item_kinds(editing: Resimulation, pins: Pins) -> dict[str, ItemKind]:
 
 
 def _to_take(change: TakeChange) -> Callable[[Session, int, Items, Items], tuple[Session, Items]]:
-    """Return a change of the take that plays as one of the session."""
+    """Convert a change of the playing take to a change of the session."""
 
     def changed(session: Session, number: int, gone: Items, put: Items) -> tuple[Session, Items]:
         take = session.take(number)
@@ -77,15 +77,15 @@ def _to_take(change: TakeChange) -> Callable[[Session, int, Items, Items], tuple
     return changed
 
 
-# --- what is resimulated
+# --- resimulated edits
 
 
 def _places(spans: Sequence[Span], gone: Items, put: Items) -> list[int]:
-    """Return the places of spans that an edit takes away; UsageError where nothing would be left."""
+    """Return the indices of spans that an edit removes; UsageError if nothing would be left."""
     starts = {item.start for item in gone}
     places = [i for i, span in enumerate(spans) if span.start in starts]
     if len(places) == len(spans) and not put:
-        raise UsageError("A take keeps one prompt and one gait.", "Write another prompt in its place.")
+        raise UsageError("A take needs at least one prompt and one gait.", "Replace it by another one.")
     return places
 
 
@@ -179,7 +179,7 @@ def _moved_pin(old: Item, new: Item, frames: int, fps: float) -> Pin:
 
 
 def _footplants(pins: Pins, take: Take, gone: Items, put: Items) -> tuple[Take, Items]:
-    """Return edits of footplants in an order in which none is in the way of another."""
+    """Return footplant edits in an order in which they do not overlap."""
     known = {foot: pins.planted_frames(take, foot) for foot in (0, 1)}
     made: list[FootplantEdit] = []
     now: list[Item] = []
@@ -198,7 +198,7 @@ def _footplants(pins: Pins, take: Take, gone: Items, put: Items) -> tuple[Take, 
 
 
 def _paired(gone: Items, put: Items) -> list[tuple[Any, Any]]:
-    """Return what goes with what comes in its place, the first ones first; the last ones where they are moved to later frames."""
+    """Pair removed items with their replacements, first to last; last to first if they move to later frames."""
     pairs = sorted(zip_longest(gone, put), key=lambda pair: (pair[0] or pair[1]).start)
     return pairs[::-1] if gone and put and put[0].start > gone[0].start else pairs
 

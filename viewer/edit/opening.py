@@ -1,4 +1,4 @@
-"""Files that are dropped, chosen or typed: what opens which, by the ending of its name."""
+"""Opens files that are dropped, chosen or typed, by their ending."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class FileOpener:
 
         def opened(found: tuple[bool, bool]) -> None:
             skinned, animated = found
-            with jobs.together():  # what is wrong with the file is said once
+            with jobs.together():  # report an error of the file only once
                 if skinned or not animated:
                     (self.scene.open_character if skinned else self.scene.load_terrain)(path)
                 if animated:

@@ -1,4 +1,4 @@
-"""A path that is drawn on the ground with the mouse: the live character walks it, a take is resimulated along it."""
+"""Paths drawn on the ground with the mouse: the live character walks them, a take is resimulated along them."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from viewer.render.camera import Camera
 from viewer.render.overlays import PathOverlay
 from viewer.scene.scene import Scene
 
-DRAWN_M = 0.7  # between two points of a path that is drawn by a drag
+DRAWN_M = 0.7  # between two points of a path drawn by dragging
 DRAW_HINT = (
     "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
 )
 TAKE_HINT = "The path of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
-WALK_HINT = "From where the character stands; any key ends it"
+WALK_HINT = "Starts where the character stands; any key stops it"
 GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 
 
@@ -45,14 +45,14 @@ class PathTool:
     editor: Editor
     editing: Resimulation
     scene: Scene
-    active: bool = False  # clicks on the ground set points
+    active: bool = False  # clicks on the ground add points
     selected: int = -1
     walk: PathWalk | None = None
     _begun: bool = False  # since the last `walk_began`
     _time_s: float = 0.0
     _handles: Handles = field(default_factory=Handles)
-    _drawing: bool = False  # the drag began with a new point and sets more
-    _subject: int = LIVE  # the take whose points `selected` counts
+    _drawing: bool = False  # the drag began with a new point and adds more
+    _subject: int = LIVE  # the take to which `selected` refers
     _of_motion: tuple[Motion, tuple[Waypoint, ...]] | None = None
 
     def __post_init__(self) -> None:
@@ -69,7 +69,7 @@ class PathTool:
 
     @property
     def points(self) -> tuple[Waypoint, ...]:
-        """The path's points; for a take without any, while the tool is open, those of the way that it went."""
+        """The path's points; while the tool is open, those of the take's own path if none are drawn."""
         take = self.take
         if take.path or take.motion is None or not (self.active and self.of_take):
             return take.path
@@ -163,7 +163,7 @@ class PathTool:
         return True
 
     def _press(self, place: tuple[float, float] | None) -> None:
-        """Take the point under the mouse, or begin to draw with another one."""
+        """Take the point under the mouse, or start drawing with a new one."""
         handles = self._handles
         self._drawing = handles.held < 0 and place is not None
         if handles.held >= 0:
@@ -214,11 +214,11 @@ class PathTool:
         self._time_s += dt
         if walk.ended:
             self.walk = None
-            said = "The path is walked." if walk.arrived else "Path crosses unwalkable ground."
+            said = "Path completed." if walk.arrived else "Path crosses unwalkable ground."
             self.editor.messages.note(said)
         return stick
 
-    # --- its part of the scene panel
+    # --- part of the scene panel
 
     def draw(self, draw_pins: Callable[[float], None]) -> None:
         """Draw the buttons to edit and walk the path; `draw_pins(width)` fills the end of the row."""
@@ -233,7 +233,9 @@ class PathTool:
             if widgets.button("Resimulate###drive path", third, hint, enabled=enabled):
                 self.resimulate()
         elif self.walk is not None:
-            if widgets.button(f"{ICON.stop} Stop###walk path", third, "Give the stick back", enabled=enabled):
+            if widgets.button(
+                f"{ICON.stop} Stop###walk path", third, "Stop and use the stick", enabled=enabled
+            ):
                 self.stop()
         elif widgets.button(f"{ICON.walk} Walk it###walk path", third, WALK_HINT, enabled=enabled):
             self.start()

@@ -1,4 +1,4 @@
-"""Pins and footplants of the take that plays, or pins of the live character: edits, handles in the view, and the pin's card."""
+"""Pins and footplants of the playing take, or pins of the live character: edits, handles in the view, and the pin's card."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from viewer.render.overlays import PinOverlay
 from viewer.scene.scene import Scene
 from viewer.session.playback import Playback
 
-NEW_SECONDS = 1.0  # that a new pin of a take holds
-WALKS_M = 0.6  # farther in that time, a hand could not stay: its new pin goes along
-MISSED_M = 0.03  # farther from its point, a pin is said to be out of reach
-WIDTH_PX, SMALL_WIDTH_PX = 214.0, 168.0  # of the card, pixels at scale 1
-SMALL_VIEW_PX = 520.0  # in a narrower one the card is small, so that it does not hide the character
+NEW_SECONDS = 1.0  # duration of a new pin of a take
+WALKS_M = 0.6  # movement in that time from which a new hand pin moves along with the character
+MISSED_M = 0.03  # distance from its point at which a pin is reported as out of reach
+WIDTH_PX, SMALL_WIDTH_PX = 214.0, 168.0  # of the card, at scale 1
+SMALL_VIEW_PX = 520.0  # in a narrower view the card is small, so that it does not hide the character
 MIN_VIEW_PX = 230.0
 HELD_LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
 
@@ -46,10 +46,10 @@ class Pins:
     editor: Editor
     editing: Resimulation
     scene: Scene
-    selected: int = -1  # of `pins`
-    _subject: int = LIVE  # the take whose pins `selected` counts
+    selected: int = -1  # index in `pins`
+    _subject: int = LIVE  # the take to which `selected` refers
     _handles: Handles = field(default_factory=Handles)
-    _planted: tuple[object, Clip] | None = None  # and of which motion and footplants it is
+    _planted: tuple[object, Clip] | None = None  # with the motion and footplants it was made from
 
     def __post_init__(self) -> None:
         self.editor.followers.append(self.follow)
@@ -222,7 +222,7 @@ class Pins:
         return self.scene.simulation.current if self.playback is None else self.playback.pose()
 
     def _points(self) -> list[tuple[int, str, Array]]:
-        """Return for every handle its pin's place in the list, the field it stands for, and where it is."""
+        """Return the pin index, field name and position of every handle."""
         if not self.pins:
             return []
         pose = self._pose()
@@ -279,7 +279,7 @@ class Pins:
     def draw_live(self, key_camera: Callable[[], None], width: float) -> None:
         """Draw the button for pins of the live character, which holds chosen parts where they are."""
         held = [pin.what for pin in self.pins] if self.playback is None else []
-        hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
+        hint = "Hold a hand, a foot or the look at a point, which can be dragged in the view"
         text = "Hold…" if not held else f"Holds {len(held)}"
         with widgets.disabled(self.playback is not None):
             if widgets.toggle(text, bool(held), width, hint) != bool(held):
@@ -377,4 +377,4 @@ def _draw_times(pins: Pins, pin: Pin, clip: Clip) -> None:
     imgui.pop_item_width()
     far = 0.0 if pins.editor.dragging else pins.reach()
     if far:
-        widgets.muted(f"{far:.2f} m out of reach at worst", wrap=True)
+        widgets.muted(f"up to {far:.2f} m out of reach", wrap=True)

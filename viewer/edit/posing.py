@@ -1,4 +1,4 @@
-"""Posing by hand: a joint is picked in the view and turned or moved by a gizmo, which keys the take's pose layer."""
+"""Posing by hand: a joint picked in the view is rotated or moved by a gizmo, which keys the take's pose layer."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ from viewer.scene.camera_control import CameraControl
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
-_SIDES = (("Left", 0, 0), ("Right", 5, 7))  # with what its leg and its arm add to the index of a joint
+_SIDES = (("Left", 0, 0), ("Right", 5, 7))  # with the index offsets of its leg and arm joints
 _LEG, _ARM = (
     ((2, "hip"), (3, "knee"), (4, "foot"), (5, "toes")),
     ((18, "shoulder"), (19, "elbow"), (20, "hand")),
 )
-# joints that can be picked; the others lie at the same places
+# joints that can be picked; the others coincide with these
 NAMES = {0: "Hips", 12: "Waist", 13: "Chest", 15: "Neck", 16: "Head"} | {
     joint + more: f"{side} {name}"
     for side, leg, arm in _SIDES
@@ -51,7 +51,7 @@ NAMES = {0: "Hips", 12: "Waist", 13: "Chest", 15: "Neck", 16: "Head"} | {
     for joint, name in names
 }
 JOINTS = tuple(NAMES)
-ARROWS_WIDTH_FRACTION = 0.1  # of the width of the view, about
+ARROWS_WIDTH_FRACTION = 0.1  # approximate fraction of the view's width
 NARROW_PX, LOW_PX = 520.0, 330.0  # in a narrower view the card is small, in a lower one it has no curves
 STILL_M = 1e-6
 
@@ -202,7 +202,7 @@ class Posing:
         if playback is None:
             return False
         pose, handles = playback.pose(), self._handles
-        drawn = self.joint >= 0 and handles.held < 0  # else it says what it said last
+        drawn = self.joint >= 0 and handles.held < 0  # otherwise its state is outdated
         over = im_guizmo.get_hovered_handle_type() is not im_guizmo.MOVETYPE.mt_none
         if drawn and (over or im_guizmo.is_using_any() if self.moves else self.rings.used):
             return True
@@ -244,7 +244,7 @@ class Posing:
                 drawing.add_circle_filled(imgui.ImVec2(*place), radius, widgets.packed(tint))
 
     def _gizmo(self, pose: Pose) -> None:
-        """Draw what turns or moves the picked joint, and key what it does."""
+        """Draw the gizmo of the picked joint, and key its changes."""
         joint, place = self.joint, pose.positions[self.joint].astype(float)
         world = pose.world_rotations.astype(float)
         axes = np.eye(3) if self.world else rotations.to_matrix(world[joint])
@@ -259,14 +259,14 @@ class Posing:
             self.edit(label, lambda key: turned(key, joint, world, turn), held=True)
 
     def _move(self, pose: Pose, by: Array) -> None:
-        """Key the picked joint moved by metres of the world `(3,)`, while the mouse holds it."""
+        """Key the picked joint moved by a world vector `(3,)` in metres, during a drag."""
         joint, positions, world = self.joint, pose.positions.astype(float), pose.world_rotations.astype(float)
         label = f"move of the {NAMES[joint].lower()}"
         self.edit(label, lambda key: dragged(key, joint, positions, world, by), held=True)
 
 
 def _moved_by(camera: Camera, place: Array, axes: Array) -> Array:
-    """Draw arrows at a joint along `axes`, and by how many metres of the world `(3,)` the mouse moved it."""
+    """Draw arrows at a joint along `axes`, and return the world vector `(3,)` (metres) of the drag."""
     size, before = imgui.get_io().display_size, np.eye(4)
     before[:3, :3], before[:3, 3] = axes, place
     matrix = _matrix(before)
@@ -299,7 +299,7 @@ def _draw_card(posing: Posing, view: Rect) -> None:
         widgets.buttons(
             ("Key##pose", "Key the joint as it is at this frame", posing.set_key),
             ("Free##pose", "From here on the joint follows the motion", lambda: posing.set_key(release=True)),
-            ("Del##pose", "Take the joint out of the key at this frame", posing.remove_joint),
+            ("Del##pose", "Remove the joint from the key at this frame", posing.remove_joint),
         )
         imgui.end_disabled()
         mirror = partial(posing.paste, mirror=True)
@@ -319,12 +319,12 @@ def _draw_layer(posing: Posing, half: float) -> None:
         posing.open_curves()
     widgets.same_line()
     hint = "The last key of each joint holds to the end of the take"
-    if widgets.toggle("Keep on", layer.keeps, half, hint) != layer.keeps:
+    if widgets.toggle("Hold last", layer.keeps, half, hint) != layer.keeps:
         posing.put("keeping of the pose layer", lambda layer: replace(layer, keeps=not layer.keeps))
     with widgets.disabled(key is None):
         widgets.full_width()
         options = [(tangent, str(tangent).capitalize()) for tangent in Tangent]
         chosen = widgets.combo("##tangent", options, Tangent.SMOOTH if key is None else key.tangent)
-        widgets.tooltip("How the curves pass this key")
+        widgets.tooltip("Tangent of this key")
     if key is not None and isinstance(chosen, Tangent):
         posing.set_tangent(chosen)

@@ -1,4 +1,4 @@
-"""What is compared with the take that plays, in sync: another take shown by any character, or a film."""
+"""The reference compared with the playing take, in sync: another take shown by any character, or a film."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from viewer.settings import remembered
 CHARACTER, VIDEO = Slot("reference character"), Slot("reference video")
 FRAMES = Slot("frames of the reference")
 MAX_BONES = 250
-LONGEST_M = 1.2  # from one joint to the next: longer is the way from a scene's origin to the hips
+MAX_BONE_M = 1.2  # longer bones are gaps, such as from a scene's origin to the hips
 WAIST_BONE_FRACTION, THICKNESS_BONE_FRACTION = 0.18, 0.11  # of a spindle's length
 THINNEST_M, THICKEST_M = 0.006, 0.04
-COLOR = (0.55, 0.33, 0.06)  # linear; amber, as no character and no ground is
-LIMITS = {  # of fields that are dragged
+COLOR = (0.55, 0.33, 0.06)  # linear; amber, unlike any character or ground
+LIMITS = {  # of the draggable fields
     "offset_s": (-600.0, 600.0),
     "aside_m": (-20.0, 20.0),
     "size": (0.2, 1.0),
@@ -45,13 +45,13 @@ LIMITS = {  # of fields that are dragged
 class Look(StrEnum):
     """The body that shows the reference."""
 
-    TAKE = "As the take"  # the character on the stage
-    SKELETON = "Its own skeleton"  # that of its file
+    TAKE = "As the take"  # the character in the scene
+    SKELETON = "Its own skeleton"  # as in its file
     CHARACTER = "Its own character"  # from a file
 
 
 def _lies_in(folder: Path, path: Path) -> bool:
-    """Return whether a path leads into a folder without a link; one that leads elsewhere is not looked at."""
+    """Return whether a path leads into a folder, without following links outside."""
     if ".." in path.parts or not path.is_relative_to(folder):
         return False
     return not any(
@@ -65,7 +65,7 @@ class References:
 
     editor: Editor
     takes: Takes
-    video: Video | None = None  # that is loaded
+    video: Video | None = None  # loaded
     character: Any = None
     _video_path: str = ""  # loaded or being loaded
     _character_of: CharacterChoice | None = None
@@ -174,7 +174,7 @@ class References:
                 jobs.submit(CHARACTER, load, lambda loaded: setattr(self, "character", loaded[2]))
 
     def _load_video(self, path: Path) -> None:
-        """Load the film that the session names, where it was chosen here or lies with the session's file."""
+        """Load the session's film, if it was chosen here or lies next to the session's file."""
         home = self.editor.file.path.parent
         if str(path) in self.takes.settings.known_films or _lies_in(home, path):
             self.takes.jobs.submit(VIDEO, partial(read_video, path), self._take_video, reading=path.name)
@@ -186,7 +186,7 @@ class References:
     def _take_video(self, video: Video) -> None:
         self.video, self._video_path = video, str(video.path.absolute())
 
-    # --- what is shown
+    # --- shown reference
 
     def time_s(self, playback: Playback) -> float:
         """Return the reference's own time (seconds) for the shown time of the take."""
@@ -237,12 +237,12 @@ class References:
             return None
         _, turn = self._place(playback.clip, clip)
         time_s = min(max(self.time_s(playback), 0.0), clip.seconds)
-        there = clip.sample(time_s).hips_position  # the points keep their place about our hips
+        there = clip.sample(time_s).hips_position  # the points keep their position relative to our hips
         points = rotations.rotate(rotations.from_yaw(turn), own.sample(time_s * clip.fps) - there)
         return Figure(bones, bones.matrices(points + pose.hips_position), pose, on_top=self.reference.over)
 
     def _place(self, take: Clip, clip: Clip) -> tuple[Array, float]:
-        """Return the shift `(3,)` and the turn that let the reference begin where the take does, next to it."""
+        """Return the offset `(3,)` and rotation with which the reference begins beside the start of the take."""
         if self._placed is None or self._placed[0] is not take or self._placed[1] is not clip:
             ours, theirs = take.pose(0), clip.pose(0)
             turn = math.remainder(ours.root_yaw - theirs.root_yaw, math.tau)
@@ -259,7 +259,7 @@ class References:
 class Bones:
     """A mesh of spindles, one per bone, each along +Y with length 1 in its rest pose."""
 
-    ends: AnyArray  # (B, 2) points of the skeleton
+    ends: AnyArray  # (B, 2) point indices of the skeleton
     positions: AnyArray
     normals: AnyArray
     colors: AnyArray
@@ -280,7 +280,7 @@ class Bones:
         side = np.cross(up, helper)
         side /= np.linalg.norm(side, axis=1, keepdims=True)
         thick = np.clip(length * THICKNESS_BONE_FRACTION, THINNEST_M, THICKEST_M)[:, None]
-        shown = (length <= LONGEST_M)[:, None]  # else shrunk to nothing
+        shown = (length <= MAX_BONE_M)[:, None]  # shrunk to nothing otherwise
         made = np.zeros((len(up), 4, 4), np.float32)
         made[:, :3, 0], made[:, :3, 1] = side * thick * shown, along * shown
         made[:, :3, 2], made[:, :3, 3] = np.cross(side, up) * thick * shown, start
@@ -328,6 +328,6 @@ def _spindle() -> tuple[Array, Array]:
         faces += [(low, b, a), (high, a, b)]
     corners = np.array(faces)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals[:, 1] *= THICKNESS_BONE_FRACTION**2  # they are turned by the matrices that stretch the spindle
+    normals[:, 1] *= THICKNESS_BONE_FRACTION**2  # compensates for the stretching matrices
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return corners.reshape(-1, 3).astype(np.float32), np.repeat(normals, 3, axis=0).astype(np.float32)

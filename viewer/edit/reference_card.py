@@ -1,4 +1,4 @@
-"""The card of what is compared with the take that plays, a film's picture, and the menu that chooses it."""
+"""The card of the reference compared with the playing take, a film's picture, and the menu to choose it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from viewer.gui.widgets import px
 from viewer.session.opening import open_reference
 from viewer.session.playback import Playback
 
-WIDTH_PX, SMALL_WIDTH_PX = 292.0, 178.0  # of a film's card at least, pixels at scale 1
+WIDTH_PX, SMALL_WIDTH_PX = 292.0, 178.0  # minimum width of a film's card, at scale 1
 SMALL_VIEW_PX = 520.0
 MIN_VIEW_PX = 230.0  # a narrower view has no room for it
-# of the line without a film: its fields in words or short, and how much of a name goes before them
+# of the line without a film: long or short labels, and characters of the name before them
 LINE_WIDTH_PX, SMALL_LINE_WIDTH_PX, NAME_WIDTH_PX, MIN_NAME_PX = 318.0, 242.0, 120.0, 36.0
-Browse = Callable[[str, tuple[str, ...], Callable[[Path], None]], None]  # title, endings, what takes the file
+Browse = Callable[[str, tuple[str, ...], Callable[[Path], None]], None]  # title, endings, called with file
 
 
 @dataclass
@@ -36,7 +36,7 @@ class ReferenceCard:
     reference: References
     browse: Browse
     ctx: Any  # OpenGL context
-    corner_taken: Callable[[], bool] = lambda: False  # another card lies at the top right of the view
+    corner_taken: Callable[[], bool] = lambda: False  # another card occupies the top right of the view
     _texture: Any = field(default=None, init=False)
     _shown: tuple[Video, int] | None = field(default=None, init=False)
 
@@ -82,7 +82,7 @@ class ReferenceCard:
         return None if self.reference.reference.over else self.reference.video
 
     def _film_width(self, view: Rect) -> float:
-        """Return what a film's card covers of the view's left side, in screen units."""
+        """Return the width of a film's card over the view's left side, in screen units."""
         if self._film is None or self.reference.takes.playback is None or view.width < px(MIN_VIEW_PX):
             return 0.0
         least = SMALL_WIDTH_PX if view.width < px(SMALL_VIEW_PX) else WIDTH_PX
@@ -109,9 +109,9 @@ class ReferenceCard:
             self._fields(playback, wide=width >= WIDTH_PX)
 
     def _line(self, playback: Playback, view: Rect) -> None:
-        """Draw name, fields and the button that closes, at the top of the view next to the session bar, where no character is.
+        """Draw name, fields and close button at the top of the view next to the session bar, where no character is.
 
-        Under the view where that place is taken or too narrow.
+        Below the view if that place is taken or too narrow.
         """
         reference = self.reference
         bar = imgui.internal.find_window_by_name("Session")
@@ -127,7 +127,7 @@ class ReferenceCard:
             room - fields,
         )
         name = name if name >= MIN_NAME_PX else 0.0
-        if not at_top:  # close to the timeline: right above it are feet
+        if not at_top:  # close to the timeline: feet are right above it
             view = replace(view, height=view.height + px(panels.CARD_MARGIN_PX - widgets.GAP_PX))
         with panels.card("Reference", view, min(fields + name, room), right=at_top, bottom=not at_top):
             if name:
@@ -142,7 +142,7 @@ class ReferenceCard:
                 reference.close()
 
     def _fields(self, playback: Playback, wide: bool, spare: float = 0.0) -> None:
-        """Draw when and where it is, and who shows it, in one line that leaves `spare` screen units of its room."""
+        """Draw offset, placement and look in one line, leaving `spare` screen units free."""
         reference = self.reference
         side, over = imgui.get_frame_height(), px(60 if wide else 44)
         others = over + px(widgets.GAP_PX) + (side + px(widgets.GAP_PX) if reference.video is None else 0.0)
@@ -167,7 +167,7 @@ class ReferenceCard:
     def _offset(self, fps: float, wide: bool) -> None:
         low, high = LIMITS["offset_s"]
         limits, frames = (round(low * fps), round(high * fps)), round(self.reference.reference.offset_s * fps)
-        hint = "How many frames later the reference is. Drag, or double-click to type."
+        hint = "Delay of the reference in frames. Drag, or double-click to type."
         text = "%+d frames" if wide else "%+d"
         moved, later = widgets.drag("##reference offset", frames, limits, text, hint, 0.3)
         if moved:
@@ -176,7 +176,7 @@ class ReferenceCard:
     def _aside(self, wide: bool) -> None:
         reference, limits = self.reference.reference, LIMITS["aside_m"]
         text = "%.1f m aside" if wide else "%.1f m"
-        hint = "How far to the right of the take. Drag, or double-click to type."
+        hint = "Distance to the right of the take. Drag, or double-click to type."
         with widgets.disabled(reference.over):
             moved, aside_m = widgets.drag("##reference aside", reference.aside_m, limits, text, hint, 0.01)
         if moved:
@@ -192,7 +192,7 @@ class ReferenceCard:
 
     def _looks(self) -> None:
         reference, choice = self.reference, self.reference.reference.character
-        hint = "Who shows it: another character, its own skeleton"
+        hint = "The body that shows it: another character, its own skeleton"
         if widgets.icon_button(ICON.more, "reference look", hint):
             imgui.open_popup("look")
         if not imgui.begin_popup("look"):
@@ -210,7 +210,7 @@ class ReferenceCard:
     # --- the picture
 
     def _over(self, video: Video, playback: Playback, view: Rect) -> None:
-        """Across the view, behind every panel, as translucent as was chosen."""
+        """Draw the film across the view, behind every panel, with the chosen opacity."""
         by = min(view.width / video.size[0], view.height / video.size[1])
         wide, high = video.size[0] * by, video.size[1] * by
         left, top = view.x + (view.width - wide) / 2, view.y + (view.height - high) / 2
@@ -220,7 +220,7 @@ class ReferenceCard:
         imgui.get_background_draw_list().add_image(self._picture(video, playback), low, end, *corners, tint)
 
     def _picture(self, video: Video, playback: Playback) -> Any:
-        """Return the texture with the picture of the time that is shown."""
+        """Return the texture with the picture at the time shown."""
         index = video.index(self.reference.time_s(playback))
         if self._shown is None or self._shown[0] is not video or self._texture.size != video.size:
             if self._texture is not None:

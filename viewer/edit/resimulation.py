@@ -1,4 +1,4 @@
-"""Edits of what drove a take: its prompts, gaits and path change, and the recorded stick resimulates it, or a prompt walks it again."""
+"""Edits of a take's input (prompts, gaits, path), with resimulation by the recorded stick; also restyling with a prompt."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
 RESIMULATION = Slot("resimulation of a take")
-MAX_LABEL = 32  # characters of a prompt in the name of an edit
-# the driven clip, its input, a controller of its model and what hears the progress; another clip with its input
+MAX_LABEL_CHARACTERS = 32  # characters of a prompt in the label of an edit
+# arguments: the clip, its input, a controller of its model and a progress callback; results: clip and input
 Work = Callable[[Clip, InputRecording, Steppable, Callable[[float], None]], tuple[Clip, InputRecording]]
 
 
@@ -51,13 +51,13 @@ class Resimulation:
     prompting: PromptController
     part_tracks: bool = False
     new_prompt: str = ""
-    focus_requested: bool = False  # of the take's prompt
-    shown: object = None  # the prompt's span in the fields
+    focus_requested: bool = False  # for the take's prompt
+    shown: object = None  # the prompt span in the fields
     prompt: str = ""
     parts: dict[str, str] = field(default_factory=dict)
     _tracks: Tracks | None = None
-    _model: tuple[Origin, Controller, bool] | None = None  # whether a controller made what has an origin
-    # by the number of a take, the fraction of its frames that were resimulated; written by workers
+    _model: tuple[Origin, Controller, bool] | None = None  # origin and controller, and whether they match
+    # resimulated fraction of each take's frames, by number; written by workers
     _done: dict[int, float] = field(default_factory=dict)
 
     @property
@@ -102,7 +102,7 @@ class Resimulation:
             return "This motion comes from a file. It can be trimmed, pinned, posed and exported."
         if take.mirrored or not playback.take.motion.header.resimulable:
             return (
-                "Only takes as recorded can be resimulated: this one was mirrored, cut or joined, goes on from another, or"
+                "Only takes as recorded can be resimulated: this one was mirrored, cut, joined or continued from another, or"
                 " its model changed. It can be trimmed, pinned, posed and exported."
             )
         if self.model is None:
@@ -180,7 +180,7 @@ class Resimulation:
         end = tracks.gaits[at].end if (at := mark_at(tracks.gaits, frame)) >= 0 else playback.frames
         self.again(f"gait {gait.label}", lambda inputs: input_edits.with_gait(inputs, frame, end - 1, gait))
 
-    # --- resimulating
+    # --- resimulation
 
     def again(
         self, label: str, edit: Callable[[InputRecording], Edit], also: Change = lambda session: session
@@ -265,7 +265,7 @@ class Resimulation:
             doing=f"Resimulating {take.title}", cancel=ended.set,
         )  # fmt: skip
 
-    # --- going on
+    # --- continuing live
 
     def go_on(self) -> None:
         """Continue with the live character from the frame shown, on the take's terrain and with its prompt."""
@@ -309,7 +309,7 @@ def _style_at(inputs: InputRecording, frame: int) -> StyleChange | None:
 
 
 def _answer_of(style: StyleChange) -> Answer | None:
-    """Return the answer that a style came from; from its six descriptions where nothing else was kept."""
+    """Return the answer that a style came from, or one made from its six descriptions."""
     if isinstance(style.note, PromptBlend):
         return style.note.a if style.note.b is None else None
     words = words_of(style.event)
@@ -320,14 +320,14 @@ def _answer_of(style: StyleChange) -> Answer | None:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= MAX_LABEL else text[: MAX_LABEL - 1] + "…"
+    return text if len(text) <= MAX_LABEL_CHARACTERS else text[: MAX_LABEL_CHARACTERS - 1] + "…"
 
 
-LATE_S = 0.15  # by which the new take may be off the time of the clip without a word
+LATE_S = 0.15  # unreported difference of the new take's timing from the clip's
 
 
 def restyle(editing: Resimulation, prompt: str) -> None:
-    """Walk the playing take's path with another prompt, on the current terrain. The result is a new take, with the original as its reference."""
+    """Walk the playing take's path with another prompt, on the current terrain; adds a take with the original as reference."""
     takes, playback = editing.takes, editing.playback
     controller = takes.scene.simulation.controller
     if playback is None or controller is None or editing.busy or not prompt.strip():
@@ -353,7 +353,7 @@ def restyle(editing: Resimulation, prompt: str) -> None:
         error = found[1]
         takes.play(number)
         if error.time_s > LATE_S:
-            text = f"{take.title} goes faster than these words can: the new take is {error.time_s:.1f} s off its time."
+            text = f"{take.title} goes faster than this style can: the new take is {error.time_s:.1f} s off its time."
             takes.messages.warn(text)
         else:
             takes.messages.note(

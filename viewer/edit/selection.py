@@ -1,4 +1,4 @@
-"""One selection for everything that lies on a track or in the list of takes, and what is done to what it holds."""
+"""The selection of items on tracks or in the list of takes, and the commands on it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 
 KEY_GAP_FRAMES = 10  # between keys and their duplicates
-NUDGE_FRAMES = {False: 1, True: 10}  # of an arrow key, and with Shift
+NUDGE_FRAMES = {False: 1, True: 10}  # per arrow key, without and with Shift
 
 
 @dataclass
@@ -26,7 +26,7 @@ class Selection:
     kinds: dict[str, ItemKind] = field(default_factory=dict)
     keys: frozenset[Key] = frozenset()
     copied: tuple[Item, ...] = ()
-    # the take, and the items that are moved and where to, which its tracks show until it is resimulated
+    # the take, and the moved items with their goals, which its tracks show until it is resimulated
     preview: tuple[int, Items, Items] | None = None
     _subject: int = LIVE
 
@@ -81,7 +81,7 @@ class Selection:
         was, self.keys = bool(self.keys), frozenset()
         return was
 
-    # --- what is done to it
+    # --- commands
 
     def delete(self) -> None:
         self.replace("removal", self.items, [])
@@ -126,7 +126,10 @@ class Selection:
             self.editing.takes.messages.note("There is no room for that in the take.")
 
     def moved(self, items: Items, by: int) -> list[Item]:
-        """Return the items shifted by `by` frames, as far as the take allows; one that ends with the take keeps that end, and a frame."""
+        """Return the items shifted by `by` frames, as far as the take allows.
+
+        An item ending with the take keeps that end; every item keeps at least one frame.
+        """
         end, moving = self._end, [self._edges_that_move(item) for item in items]
         for item, (start, last) in zip(items, moving, strict=True):
             if start or last:
@@ -180,7 +183,7 @@ class Selection:
         self._make(f"{label} of {self.named(gone or put)}", kinds, gone, put, after, held)
 
     def _refusal(self, kinds: Sequence[ItemKind]) -> str:
-        """Return why an edit of kinds cannot be made now; "" where it can."""
+        """Return why an edit of these kinds is impossible now, or ""."""
         waits = self.editing.busy and not all(kind.listed for kind in kinds)
         return self.editing.fixed if waits or any(kind.edit for kind in kinds) else ""
 
@@ -194,7 +197,7 @@ class Selection:
     def _changed(
         self, session: Session, kinds: Sequence[ItemKind], gone: Items, put: Items
     ) -> tuple[Session, list[Item]]:
-        """Return the session after what is made at once, and what was put."""
+        """Return the session after the immediate changes, and the items added."""
         now = [item for item in put if self.kinds[item.kind].edit is not None]
         for kind in kinds:
             if kind.change is not None:
@@ -211,7 +214,7 @@ class Selection:
         after: Session,
         held: bool,
     ) -> None:
-        """Put `after` into force: a step of undo unless the mouse holds it; what drove the take is resimulated once."""
+        """Apply `after`: as a step of undo unless the mouse is held; changed input is resimulated once."""
         editor, take = self.editing.takes.editor, self.editing.take
         driven, listed = [kind for kind in kinds if kind.edit is not None], all(kind.listed for kind in kinds)
         self.preview = (self.number, gone, put) if driven else None
@@ -233,7 +236,7 @@ class Selection:
             editor.finish_drag()
 
     def named(self, items: Items) -> str:
-        """Return a phrase for the items: one by its kind, several by count."""
+        """Return a phrase for the items: the kind of a single one, the count of several."""
         kinds = {self.kinds[item.kind].name for item in items}
         name = kinds.pop() if len(kinds) == 1 else "item"
         article = "an" if name[0] in "aeiou" else "a"
@@ -261,7 +264,7 @@ class Selection:
 
     @property
     def _commands(self) -> tuple[tuple[str, str, int, Callable[[], None], bool], ...]:
-        """Name, key in words and chord of each command, what it does, and whether it can be done now."""
+        """Return name, shortcut text, key chord and function of each command, and whether it is enabled."""
         ctrl, key, some = int(imgui.Key.mod_ctrl), imgui.Key, bool(self.keys)
         back, on = ("up", "down") if self.listed else ("back", "on")
         return (

@@ -1,6 +1,6 @@
-"""Tracks of a take under a ruler: marks on them are drawn from one list and dragged by one code, whatever they stand for.
+"""The timeline: tracks of a take under a ruler, with marks of all kinds drawn and dragged by the same code.
 
-What is drawn is kept from frame to frame until a track, the room or the frame range changes.
+Drawings are cached until a track, the available space or the frame range changes.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
 from viewer.session.playback import Playback
 
-RULER_PX, SPACING_PX = 26.0, 3.0  # pixels at scale 1, as all lengths here
-USUAL_TRACKS, USUAL_HEIGHT_PX = 8, 109.0  # what every take has, and the height of those tracks
-MAX_HEIGHT_RATIO = 1.6  # of a track's height, where there is room
+RULER_PX, SPACING_PX = 26.0, 3.0  # at scale 1, like all lengths here
+USUAL_TRACKS, USUAL_HEIGHT_PX = 8, 109.0  # tracks of every take, and their height
+MAX_HEIGHT_RATIO = 1.6  # maximum growth of a track's height
 NAMES_WIDTH_PX, NAMES_FROM_PX = 70.0, 420.0  # in a narrower bar the tracks have no names
 EDGE_PX = 4.0  # outside both ends of a row, for half a handle
-SCROLL_STEP_FRACTION = 0.1  # of what is shown
+SCROLL_STEP_FRACTION = 0.1  # of the range shown
 BUTTON_WIDTH_PX = 30.0
-NAME_SIZE_PX = theme.FONT_SIZE_PX * 0.87  # of letters
-SNAP_REACH_PX = 6.0  # pixels from what a drag snaps to
-MIN_BOX_PX = 4.0  # pixels; a shorter drag is a click
+NAME_SIZE_PX = theme.FONT_SIZE_PX * 0.87  # letter size
+SNAP_REACH_PX = 6.0  # snapping distance
+MIN_BOX_PX = 4.0  # a shorter drag is a click
 TRIM_HINT = "Drag: only what lies between the handles plays and is exported"
 
 
@@ -63,16 +63,16 @@ class Held:
 class Timeline:
     """State of the timeline: the frames in view, the drag in progress, and cached drawings."""
 
-    trim: Callable[[int | None, int | None], None]  # first and last frame, while the mouse holds a handle
+    trim: Callable[[int | None, int | None], None]  # first and last frame, while a handle is dragged
     selection: Selection
     held: Held | None = None
-    box: tuple[float, float] | None = None  # the corner from which the mouse draws a box
+    box: tuple[float, float] | None = None  # corner where a selection box begins
     shown: Range = field(default_factory=lambda: Range(0.0, 1.0, 1.0))
-    _of: tuple[int, int] = (-1, 0)  # the take of that range and the frame shown last
+    _of: tuple[int, int] = (-1, 0)  # the take and frame shown last
     _zero: int = 0  # the frame that is numbered 0
-    _bar: float = 0.0  # width of the scrollbar in the frame before
-    _scrolling: bool = False  # the middle button holds the tracks
-    _menu: tuple[str, int] = ("", 0)  # the track and the frame of a right click
+    _bar: float = 0.0  # width of the scrollbar in the last frame
+    _scrolling: bool = False  # the middle button drags the tracks
+    _menu: tuple[str, int] = ("", 0)  # track and frame of a right click
     _kept: dict[str, tuple[Any, Shapes]] = field(default_factory=dict)
 
     def fit(self, selection: tuple[int, int] | None = None) -> None:
@@ -86,7 +86,7 @@ class Timeline:
         return self.shown.frames >= self.shown.end
 
     def _follow(self, playback: Playback) -> None:
-        """Keep the range within the take, and the frame in it when it goes on or is sought."""
+        """Keep the range within the take, and the shown frame within it while playing or seeking."""
         (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
         moves = self.selection.editing.takes.editor.history.moves
         if take != playback.number or (self.held is not None and self.held.moves != moves):
@@ -109,7 +109,7 @@ class Timeline:
         imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING_PX)))
         corner = imgui.get_cursor_screen_pos()
         names = px(NAMES_WIDTH_PX) if room.x >= px(NAMES_FROM_PX) else 0.0
-        # the ruler above the tracks is as wide as they are, also where they scroll
+        # the ruler above the tracks has their width, also when they scroll
         self._rows("ruler", [self._ruler(playback)], playback, 1.0, self._bar)
         below = imgui.get_cursor_pos()
         if names:
@@ -125,7 +125,7 @@ class Timeline:
         imgui.pop_style_var()
 
     def _rows(self, name: str, tracks: Sequence[Track], playback: Playback, tall: float, bar: float) -> None:
-        """Draw tracks with the line of the frame shown across them."""
+        """Draw tracks with a line at the frame shown."""
         corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x - bar
         place = corner.x, corner.y, width, bar, tall, px(1.0)
         kept, chosen = (playback.first, playback.last), self.selection
@@ -137,7 +137,7 @@ class Timeline:
         for row in rows:
             self._row(row, playback)
         at = rows[0].x(min(max(playback.time_s * playback.clip.fps, 0.0), playback.frames - 1.0))
-        # on the ruler below the numbers
+        # below the ruler's numbers
         half, top = (px(1.5), base_of(rows[0]) - px(4)) if name == "ruler" else (px(0.5), rows[0].top)
         low, high = imgui.ImVec2(at - half, top), imgui.ImVec2(at + half, rows[-1].top + rows[-1].height)
         inside = rows[0].left - half <= at <= rows[0].right + half
@@ -159,12 +159,12 @@ class Timeline:
         imgui.same_line(0, px(3))
         if imgui.button("Sel##fit selection", size):
             self.fit(selection)
-        widgets.tooltip("Show the selected pin, or what the trim keeps (Z)")
+        widgets.tooltip("Show the selected pin, or the trimmed range (Z)")
         imgui.pop_font()
         imgui.pop_style_var()
 
     def _row(self, row: Row, playback: Playback) -> None:
-        """Let a row take the mouse, and a little outside its ends."""
+        """Let a row receive the mouse, including a margin outside its ends."""
         edge, key = (row.outer - row.width) / 2, row.track.key
         imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
         imgui.invisible_button(f"##{key}", imgui.ImVec2(max(row.outer, 1.0), max(row.height, 1.0)))
@@ -183,14 +183,14 @@ class Timeline:
         return self.held if self.held is not None and self.held.key == track.key else None
 
     def _navigate(self, row: Row) -> None:
-        """Zoom and scroll by the wheel and the middle button over the row whose item was just made."""
+        """Zoom and scroll with the wheel and the middle button over the row of the last item."""
         io, per_pixel = imgui.get_io(), self.shown.frames / max(row.width, 1.0)
         hovered, shown = imgui.is_item_hovered(), self.shown
-        begins = imgui.is_mouse_clicked(2)  # how the mouse came to where it was pressed is no drag
+        begins = imgui.is_mouse_clicked(2)  # the movement before the press is not part of the drag
         self._scrolling = (self._scrolling or (begins and hovered)) and imgui.is_mouse_down(2)
-        if self._scrolling and row.track.key == "timeline":  # once a frame
+        if self._scrolling and row.track.key == "timeline":  # once per frame
             shown = shown.scrolled(-io.mouse_delta.x * per_pixel * (not begins))
-        wheel = (io.mouse_wheel or io.mouse_wheel_h) * hovered  # Shift turns the wheel of some systems
+        wheel = (io.mouse_wheel or io.mouse_wheel_h) * hovered  # Shift turns it sideways in some systems
         if wheel and io.key_shift:
             shown = shown.scrolled(-wheel * SCROLL_STEP_FRACTION * shown.frames)
         elif wheel:
@@ -198,7 +198,7 @@ class Timeline:
             shown = shown.zoomed(min(max(at, shown.first), shown.last), wheel)
         self.shown = shown
 
-    # --- what it looks like
+    # --- drawing
 
     def _shapes(self, tracks: Sequence[Track], place: tuple[float, ...], kept: tuple[int, int]) -> Shapes:
         x, top, width, bar, tall, unit = place
@@ -223,7 +223,7 @@ class Timeline:
         if not track.adjacent:
             shapes.rect(row.left, row.top, row.right, bottom, theme.FIELD, px(3))
         marks = list(enumerate(self._moved(track)))
-        if track.adjacent:  # short ones lie over their neighbours
+        if track.adjacent:  # short ones overlap their neighbours
             marks.sort(key=lambda each: each[1].start - each[1].end)
         for i, mark in marks:
             tint, (left, right) = track.tints[i % len(track.tints)], row.ends(mark)
@@ -232,13 +232,13 @@ class Timeline:
                 draw_mark(shapes, row, mark, tint, i == track.lit, chosen)
 
     def _moved(self, track: Track) -> Sequence[Mark]:
-        """Return the marks, of an adjacent track as they would lie after what is dragged or being made."""
+        """Return the marks; of an adjacent track as they would be after the current drag or resimulation."""
         preview = self.selection.preview
         shown = preview is not None and track.adjacent and bool(track.marks)
         return previewed(track, *preview[1:]) if preview and shown else track.marks
 
     def _ruler(self, playback: Playback) -> Track:
-        """Return the track of frame numbers with the handles of the trim, which are dragged in its lower half."""
+        """Return the track of frame numbers, with trim handles draggable in its lower half."""
 
         def move(mark: Mark, start: int) -> None:
             self.trim(*((start, None) if mark.of == "first" else (None, start)))
@@ -253,7 +253,7 @@ class Timeline:
     # --- the mouse
 
     def _use_mouse(self, row: Row, playback: Playback) -> None:
-        """Use the mouse on a row whose item was just made. On the ruler the frame shown follows it."""
+        """Use the mouse on the row of the last item; on the ruler the shown frame follows it."""
         track, mouse = row.track, imgui.get_io().mouse_pos
         frame, hit = row.frame_at(mouse.x), hit_in(row, mouse)
         if imgui.is_item_activated():
@@ -269,7 +269,7 @@ class Timeline:
             self._let_go(track, frame, playback)
 
     def _press(self, track: Track, hit: tuple[Mark, Part] | None, frame: int, playback: Playback) -> None:
-        """Take a mark with everything that is selected, or begin a box; with Shift select more."""
+        """Take a mark together with the selection, or begin a box; Shift extends the selection."""
         selection, io = self.selection, imgui.get_io()
         if hit is None:
             self.box = None if track.key == "timeline" else (io.mouse_pos.x, io.mouse_pos.y)
@@ -288,7 +288,7 @@ class Timeline:
             self.held = Held(track.key, mark, part, frame, items, editor.history.moves, self._snaps(playback))
 
     def _snaps(self, playback: Playback) -> tuple[int, ...]:
-        """Return the frames that a drag snaps to: that shown, the trim, and the ends of what is not selected."""
+        """Return the frames that a drag snaps to: the shown one, the trim, and the ends of unselected marks."""
         rows = self._kept["tracks"][1].rows if self._kept else []
         marks = [mark for row in rows for mark in row.track.marks]
         free = [m for m in marks if m.item is None or m.item.key not in self.selection.keys]
@@ -310,7 +310,7 @@ class Timeline:
         self.held = replace(held, moved=True, by=by, snapped=snapped)
 
     def _snapped(self, held: Held, by: int, row: Row) -> tuple[int, int | None]:
-        """Return the frames to move by and what they snap to: the nearest frame to snap to where one is near; Alt snaps to none."""
+        """Return the frames to move by, and the frame snapped to: the nearest one in reach; Alt disables snapping."""
         ends = {held.mark.start} if held.part is not Part.END else set[int]()
         ends |= {held.mark.end} if held.part is not Part.START else set()
         reach = px(SNAP_REACH_PX) / row.width * row.shown.frames
@@ -321,7 +321,7 @@ class Timeline:
         return to, snap
 
     def _move(self, grip: Held, by: int, playback: Playback, **how: bool) -> None:
-        """Move what is held by frames from where it was taken, or one end of it."""
+        """Move the held items by frames from their original places, or one end of an item."""
         selection, item = self.selection, grip.mark.item
         if grip.part is Part.BODY or item is None:
             made = selection.moved(grip.items, by)
@@ -343,7 +343,7 @@ class Timeline:
             self._click(track, held.mark, frame, playback)
 
     def _end_box(self, box: tuple[float, float], frame: int, playback: Playback) -> None:
-        """Select what the box touches; without one let go, and show the frame."""
+        """Select the items touched by the box; without a box deselect, and show the frame."""
         mouse = imgui.get_io().mouse_pos
         if math.hypot(mouse.x - box[0], mouse.y - box[1]) < px(MIN_BOX_PX):
             self.selection.let_go()
@@ -352,7 +352,7 @@ class Timeline:
             self.selection.pick(self._inside(box, mouse), extend=imgui.get_io().key_shift)
 
     def _click(self, track: Track, mark: Mark, frame: int, playback: Playback) -> None:
-        """Select a mark alone, and show its frame, unless that is where a pin or a foot is."""
+        """Select a single mark, and show its frame unless a pin or footplant is there."""
         if mark.item is not None:
             self.selection.pick([mark.item])
         if not track.key.startswith(("foot", "pins")):
@@ -397,9 +397,9 @@ class Timeline:
 
 
 def _fitting(tracks: Sequence[Track], room: float) -> tuple[Sequence[Track], float]:
-    """Return the tracks for which there is room, and how much taller than they need they are drawn.
+    """Return the tracks that fit, and the factor on their height.
 
-    That does not depend on how many there are: no track moves when another one appears.
+    The factor does not depend on their number, so that no track moves when another one appears.
     """
     fits = (room - RULER_PX - (USUAL_TRACKS + 1) * SPACING_PX) / USUAL_HEIGHT_PX
     if fits < 1.0:

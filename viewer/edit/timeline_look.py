@@ -1,4 +1,4 @@
-"""What the tracks of a timeline look like: rows on the screen, their marks, the ruler, and what the mouse is over."""
+"""Drawing of the timeline's tracks: rows on the screen, marks, ruler, and hit tests."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from viewer.gui.theme import Color
 from viewer.gui.widgets import px
 
 TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
-MIN_TICK_PX = 56.0  # at least, between two numbers
-MIN_SPAN_PX = 9.0  # of a span among neighbours: a jump of a long take can be clicked
-MIN_SHOWN_FRAMES = 12.0  # frames that the closest zoom shows
+MIN_TICK_PX = 56.0  # minimum distance of two numbers
+MIN_SPAN_PX = 9.0  # minimum width of adjacent spans, so that a jump in a long take can be clicked
+MIN_SHOWN_FRAMES = 12.0  # in the closest zoom
 ZOOM_STEP_FACTOR = 0.8
-GRIP_PX = 7.0  # how near to an end of a mark or to a point the mouse takes it
-MIN_LETTERS = 3  # of a word that is cut, with its dots
-MIN_LETTER_PX, TEXT_FRACTION = theme.FONT_SIZE_PX * 0.8, 0.76  # letters: at least, and of a row's height
-DIM_TINT = (*theme.PANEL[:3], 0.6)  # over what the trim leaves out
+GRIP_PX = 7.0  # distance at which the mouse takes the end of a mark, or a point
+MIN_LETTERS = 3  # of a shortened word, with its dots
+MIN_LETTER_PX, TEXT_FRACTION = theme.FONT_SIZE_PX * 0.8, 0.76  # minimum letter size; of a row's height
+DIM_TINT = (*theme.PANEL[:3], 0.6)  # over the trimmed frames
 SELECTED_TINT = (1.0, 1.0, 1.0, 0.9)
 
 
@@ -77,10 +77,10 @@ class Track:
     height: float
     marks: Sequence[Mark]
     tints: Sequence[Color]
-    hint: str = ""  # of the whole row, in place of those of its marks
-    lit: int = -1  # the mark that is drawn lighter
+    hint: str = ""  # of the whole row, instead of its marks'
+    lit: int = -1  # index of the highlighted mark
     adjacent: bool = False  # each mark ends where the next one begins
-    optional: bool = False  # shown only where there is room
+    optional: bool = False  # shown only if there is room
     fixed: bool = False  # nothing can be dragged
     move: Callable[[Mark, int], None] | None = None
     more: tuple[tuple[str, Callable[[int], None]], ...] = ()
@@ -95,7 +95,7 @@ class Row:
     top: float
     width: float
     height: float
-    outer: float  # its width with what takes the mouse outside both ends
+    outer: float  # width including the margins that take the mouse
     shown: Range
 
     @property
@@ -124,7 +124,7 @@ class Shapes:
     rows: list[Row] = field(default_factory=list)
     rects: list[tuple[imgui.ImVec2, imgui.ImVec2, int, float]] = field(default_factory=list)
     points: list[tuple[imgui.ImVec2, float, int, int]] = field(default_factory=list)
-    # by the size of their letters
+    # by letter size
     texts: list[tuple[float, imgui.ImVec2, int, str]] = field(default_factory=list)
 
     def rect(
@@ -224,7 +224,7 @@ def previewed(track: Track, gone: Items, put: Items) -> Sequence[Mark]:
 
 
 def _mark_of(marks: Sequence[Mark], item: Item) -> Mark:
-    """Return the mark that an item was made from, at whatever frames; else the first one."""
+    """Return the mark of an item, whatever its frames; else the first one."""
     return next((m for m in marks if m.item is not None and m.item.value is item.value), marks[0])
 
 
@@ -236,20 +236,20 @@ def hit_in(row: Row, mouse: imgui.ImVec2) -> tuple[Mark, Part] | None:
     if track.adjacent:
         x = min(max(x, row.ends(marks[0])[0]), row.ends(marks[-1])[1])
     found = [mark for mark in marks if _covers(row, mark, x)]
-    if track.adjacent:  # a short one lies over its neighbours
+    if track.adjacent:  # a short one overlaps its neighbours
         found.sort(key=lambda mark: mark.end - mark.start)
     return (found[0], _part(row, found[0], x)) if found else None
 
 
 def _covers(row: Row, mark: Mark, x: float) -> bool:
-    """Return whether the mouse takes a mark there: a point from some way off, a span at a little outside its ends."""
+    """Return whether the mouse takes a mark at `x`: a point from a distance, a span from just outside its ends."""
     left, right = row.ends(mark)
     slack = 0.0 if row.track.adjacent else px(GRIP_PX) if mark.start == mark.end else px(GRIP_PX) / 2
     return left - slack <= x <= right + slack
 
 
 def _part(row: Row, mark: Mark, x: float) -> Part:
-    """Return which part of a mark; the first and the last of adjacent ones end with the take."""
+    """Return the part of a mark at `x`; the first and last of adjacent marks end with the take."""
     (left, right), marks, adjacent = row.ends(mark), row.track.marks, row.track.adjacent
     if mark.start == mark.end:
         return Part.BODY

@@ -1,4 +1,4 @@
-"""What lies on the tracks of a take and in the list of takes: items, and marks of prompts, body parts, gaits and grounds."""
+"""Items on the tracks of a take and in the list of takes, and marks of prompts, body parts, gaits and grounds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Item(Span):
 
     @property
     def key(self) -> Key:
-        """The key by which an item is known: its kind, lane and start frame; takes and pins are known by their lane alone."""
+        """The identity of an item: its kind, lane and start frame; takes and pins by their lane alone."""
         return self.kind, self.lane, 0 if self.kind in (TAKES, PINS) else self.start
 
     def at(self, start: int, end: int) -> Item:
@@ -60,17 +60,17 @@ Items = Sequence[Item]
 class ItemKind:
     """How the selection edits one kind of items.
 
-    An edit takes items away (`gone`) and puts others; moved items have the same order in both. `change` applies it to a take of
-    the session, by number, and returns what was added; `edit` applies it to the take's input, which is then resimulated.
+    An edit removes items (`gone`) and adds others (`put`); moved items have the same order in both. `change` applies it to a
+    take of the session, by number, and returns what was added; `edit` applies it to the take's input, then resimulated.
     """
 
-    name: str  # of one, in the user's words
+    name: str  # of a single item, for the user
     items: Callable[[], Items]
     change: Callable[[Session, int, Items, Items], tuple[Session, Items]] | None = None
     edit: Callable[[InputRecording, Items, Items], Edit] | None = None
-    # each ends where the next one begins, and the first and the last one with the take
+    # adjacent: each ends where the next one begins, and the first and last with the take
     adjacent: bool = False
-    listed: bool = False  # lies in a list, by its place, not on a track by its frame
+    listed: bool = False  # in a list, by position, instead of on a track by frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ def words_of(event: PromptEvent) -> PartDescriptions | None:
 def _words(event: PromptEvent) -> Words | BlendedPrompt | None:
     try:
         return read_words(event.words) if event.words else None
-    except SportError:  # of a file that was written by hand
+    except SportError:  # in a hand-written file
         return None
 
 

@@ -1,4 +1,4 @@
-"""The bar under the view while a take plays: buttons, and the tracks of all tools on the timeline."""
+"""The bar under the view while a take plays: buttons, and the timeline with the tracks of all tools."""
 
 from __future__ import annotations
 
@@ -40,25 +40,25 @@ from viewer.prompt.prompt_field import undo_buttons
 from viewer.session.playback import Playback
 
 SPEED_RANGE = (0.1, 2.0)
-WIDE_PX = 520.0  # pixels at scale 1: words next to the icons
+WIDE_PX = 520.0  # at scale 1: wide enough for words next to the icons
 GAP_PX, TOOL_PADDING_PX = 4.0, 11.0  # between two buttons, and beside the words of one
-TINY_PX = 400.0  # in less only what has no other way stays
+TINY_PX = 400.0  # in a narrower bar only actions without another access remain
 CUT_HINT = "Split, cut, repeat the take, or join another one to it"
 NEW_PIN_HINT = "Hold a hand, a foot, the look or the pose from this frame on, or key the camera here"
-PROMPTS_PX, ROW_PX, FEET_PX = 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
+PROMPTS_PX, ROW_PX, FEET_PX = 21.0, 15.0, 8.0  # minimum heights at scale 1
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
 GAIT_TINT, GROUND_TINT = (0.78, 0.62, 0.34, 0.42), (0.55, 0.58, 0.62, 0.35)
 POSE_TINT = (0.62, 0.78, 0.40, 1.0)
 PART_TINT, PIN_TINT = (0.36, 0.55, 0.78, 0.28), (0.86, 0.48, 0.62, 0.45)
 NEW_FOOTPLANT_FRAMES = 8
-CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag keys; Delete removes what is selected"
+CAMERA_HINT = "Views of the camera, for a film by “keyed”.\nDrag keys; Delete removes the selection"
 PIN_HINT = "A click shows the pin's fields; drag it or its ends"
 POSING_HINT = "Pose joints by hand over the motion: click one in the view and drag its handles"
 CURVES_HINT = "Curves of the pose and camera keys"
-POSE_HINT = "Keys of the pose layer.\nDrag keys; Delete removes what is selected"
+POSE_HINT = "Keys of the pose layer.\nDrag keys; Delete removes the selection"
 FEET_HINT = (
-    "When a foot bears: the left one above, the right one below.\n"
-    "Drag a footplant or its ends; right-click adds one, Delete removes what is selected"
+    "Footplants: the left foot above, the right foot below.\n"
+    "Drag a footplant or its ends; right-click adds one, Delete removes the selection"
 )
 
 
@@ -74,7 +74,7 @@ class TakeTracks:
         editing, frame = self.editing, playback.frame
         fixed, lit = bool(editing.fixed), (mark_at(tracks.prompts, frame), mark_at(tracks.gaits, frame))
         state = tracks, playback.take, playback.shown, editing.part_tracks, fixed, lit
-        if state != self._state:  # whose parts are looked at only where they are others
+        if state != self._state:  # parts are compared only if the state differs
             self._state, self._rows = state, [*self._of_motion(tracks, lit, fixed), *self._of_edits(playback)]
         return self._rows
 
@@ -95,7 +95,7 @@ class TakeTracks:
             Track(
                 "gaits", "Gait", ROW_PX, tracks.gaits, (GAIT_TINT,), lit=lit[1], adjacent=True, fixed=fixed,
             ),
-            # one ground all the way says the least
+            # a single ground says the least
             Track(
                 "grounds", "Ground", ROW_PX, tracks.grounds, (GROUND_TINT,), fixed=True,
                 optional=len(tracks.grounds) == 1,
@@ -103,7 +103,7 @@ class TakeTracks:
         ]  # fmt: skip
 
     def _of_edits(self, playback: Playback) -> list[Track]:
-        """Return footplants, keys and pins. Each has its row before anything lies on it: no row moves when it does."""
+        """Return tracks of footplants, keys and pins, also empty ones, so that rows do not move when items appear."""
         take, pins = playback.take, pin_items(playback.take)
         rows = [self._feet(0), self._feet(1)]
         for kind, items, name, tint, hint in (
@@ -137,7 +137,7 @@ def _marks(items: Sequence[Item]) -> list[Mark]:
 
 
 def _text(value: Any) -> str:
-    """Return what is written on the mark of a pin."""
+    """Return the text on the mark of a pin."""
     if not isinstance(value, Pin):
         return ""
     return f"{value.what}{' on a rail' if value.rail else ' along' if value.along else ''}".capitalize()
@@ -186,7 +186,7 @@ class Tool:
 
 
 def _draw_tools(tools: Sequence[Tool], room: float) -> None:
-    """Draw the tools in one line; those for which there is no room are in a menu at its end."""
+    """Draw the tools in one line; those that do not fit go to a menu at its end."""
     gap, more = px(GAP_PX), Tool("…", "More tools", 0)
     shown = _fitting(tools, room, gap, more.width)
     for number, tool in enumerate(shown):
@@ -205,7 +205,7 @@ def _draw_tools(tools: Sequence[Tool], room: float) -> None:
 
 
 def _fitting(tools: Sequence[Tool], room: float, gap: float, more: float) -> list[Tool]:
-    """Return the tools for which there is room, where the others need a button of the width `more`."""
+    """Return the tools that fit, where a menu button for the others has the width `more`."""
     shown = list(tools)
     while shown and sum(t.width + gap for t in shown) + (more + gap) * (len(shown) < len(tools)) > room:
         last = max(tool.folds for tool in shown)
@@ -226,7 +226,7 @@ class Transport:
     selection: Selection = field(init=False)
     timeline: Timeline = field(init=False)
     _tracks: TakeTracks = field(init=False)
-    in_view: Callable[[], bool] = lambda: True  # whether the view has the keys
+    in_view: Callable[[], bool] = lambda: True  # whether the view has the keyboard focus
     _keys_seen: frozenset[Any] = frozenset()
     _wide: bool = True
     _tiny: bool = False
@@ -260,24 +260,24 @@ class Transport:
         )
 
     def _keys(self) -> None:
-        """Act on what is selected where no text is typed and no window is open."""
+        """Run the selection's shortcuts while no text is typed and no window is open."""
         self._follow_pin()
         if not imgui.get_io().want_text_input and self.in_view():
             self.selection.use_keys()
 
     def _key(self) -> None:
-        """Key the picked joint while the take is posed, else the camera."""
+        """Key the picked joint while posing, else the camera."""
         if self.editing.playback is not None:
             (self.posing.set_key if self.posing.shown else self.cameras.add)()
 
     def _step(self, frames: int) -> None:
-        """Go some frames on or back, unless the arrow key moves what is selected."""
+        """Step frames, unless the arrow key moves the selection."""
         arrow = imgui.is_key_down(imgui.Key.left_arrow) or imgui.is_key_down(imgui.Key.right_arrow)
         if self.editing.playback is not None and not (arrow and self.selection.keys):
             self.editing.playback.step(frames)
 
     def _follow_pin(self) -> None:
-        """Show the card of the pin that is selected alone, and select a pin that is chosen in the view."""
+        """Show the card of a single selected pin, and select a pin chosen in the view."""
         selection, pins = self.selection, self.pins
         selection.poll()
         if self.editing.playback is None:
@@ -302,7 +302,7 @@ class Transport:
         self.timeline.draw(self._tracks.rows(tracks, playback), playback, self._selection(playback))
 
     def _selection(self, playback: Playback) -> tuple[int, int]:
-        """Return the frames of what is selected, or those that the trim keeps."""
+        """Return the frame range of the selection, or of the trim."""
         items = [] if self.selection.listed else self.selection.items
         if not items:
             return playback.first, playback.last
@@ -316,7 +316,7 @@ class Transport:
         return math.ceil(shown.first), math.floor(shown.last)
 
     def _fit(self) -> None:
-        """Show the selection, or the whole take again."""
+        """Zoom to the selection, or back to the whole take."""
         playback = self.editing.playback
         if playback is not None:
             selection = self._selection(playback)
@@ -336,13 +336,13 @@ class Transport:
                 act()
             imgui.same_line(0, gap)
         if not self._tiny:
-            playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
+            playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Loop at the end")
             imgui.same_line(0, px(8))
             imgui.set_next_item_width(px(96 if self._wide else 72))
             _, playback.speed = widgets.slider(
                 "##speed", playback.speed, *SPEED_RANGE, "%.2f x", logarithmic=True
             )
-            widgets.tooltip("Playback speed; Ctrl+click types it")
+            widgets.tooltip("Playback speed; Ctrl+click to type it")
             imgui.same_line(0, px(8))
         live = f"{ICON.person} Live" if self._wide else ICON.person
         live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
@@ -358,7 +358,7 @@ class Transport:
             self.editing.takes.close_playback()
 
     def _time(self, playback: Playback, space: float) -> None:
-        """Draw the frame, then as much more as there is space for; while the take is resimulated, how far that is."""
+        """Draw the frame number, and more as space allows; while resimulating, the progress."""
         editing = self.editing
         if editing.busy and space > px(60):
             size = imgui.ImVec2(space, 0)
@@ -385,15 +385,15 @@ class Transport:
         editing, pinned, posing, graph = self.editing, self.pins.fixed, self.posing, self.graph
         trim, fixed = editing.takes.trim, editing.fixed
         gait_hint = "Another gait from this frame to the end of the current one"
-        parts_hint = "A track for what each body part does"
+        parts_hint = "A track for each body part's description"
         compare_hint = "Compare with another take, a BVH or a film: next to it or over it"
 
         def show_parts() -> None:
             editing.part_tracks = not editing.part_tracks
 
         return [
-            Tool("[ In", "Keep the clip from this frame (I)", 5, act=lambda: trim(first=playback.frame)),
-            Tool("Out ]", "Keep the clip up to this frame (O)", 5, act=lambda: trim(last=playback.frame)),
+            Tool("[ In", "Trim the start to this frame (I)", 5, act=lambda: trim(first=playback.frame)),
+            Tool("Out ]", "Trim the end to this frame (O)", 5, act=lambda: trim(last=playback.frame)),
             Tool("+ Prompt", "Another prompt from this frame on", 0, fixed, menu=self._new_prompt),
             Tool("+ Gait", gait_hint, 2, fixed, menu=self._new_gait),
             Tool("+ Pin", NEW_PIN_HINT, 0, pinned, menu=self._new_pin),
@@ -405,11 +405,11 @@ class Transport:
         ]
 
     def _go_on(self, fixed: str) -> None:
-        """Draw the button at the end of the line, with as many words as there is room for."""
+        """Draw the button at the end of the line, with a label that fits."""
         imgui.same_line(0, px(GAP_PX))
         end = imgui.get_window_width() - imgui.get_style().window_padding.x
         padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
-        texts = [f"{ICON.walk} {text}".rstrip() for text in ("Go on from here", "Go on", "")]
+        texts = [f"{ICON.walk} {text}".rstrip() for text in ("Continue from here", "Continue", "")]
         text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
         width = imgui.calc_text_size(text).x + padding
         imgui.same_line(end - width)

@@ -1,4 +1,4 @@
-"""A film to look at with a take: its pictures in memory, small and compressed, so that any of them is there at once."""
+"""A reference film: small compressed pictures in memory, for immediate access to any of them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from runtime.errors import FileError
 from runtime.safe_read import open_regular, reason
 
 SUFFIXES = (".mp4", ".mov", ".m4v", ".webm", ".mkv", ".avi", ".gif", ".webp")
-MAX_SIDE = 640  # pixels: a larger picture is made smaller
-MAX_PICTURES, MAX_SECONDS = 7200, 240.0  # what is read
+MAX_SIDE_PX = 640  # larger pictures are scaled down
+MAX_PICTURES, MAX_SECONDS = 7200, 240.0  # limits of what is read
 MAX_KEPT_BYTES = 200 * 1024 * 1024  # of all pictures
-MAX_SOURCE_PIXELS = 1 << 24  # of one: its decoder holds several
+MAX_SOURCE_PIXELS = 1 << 24  # per picture: the decoder holds several
 JPEG_QUALITY = 85
-# formats of one file, and nothing that such a file names
+# single-file formats that do not refer to other files
 ALONE = {"format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,gif", "protocol_whitelist": "none"}
-REMEDY = "Write it again as MP4 (H.264) or GIF."
+REMEDY = "Convert it to MP4 (H.264) or GIF."
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,9 @@ class Video:
     path: Path
     size: tuple[int, int]
     pictures: tuple[bytes, ...]
-    times: tuple[float, ...]  # from 0 on, rising
+    times: tuple[float, ...]  # from 0 on, ascending
     seconds: float
-    cut: bool = False  # there is more of it
+    cut: bool = False  # the film is longer
 
     def index(self, time_s: float) -> int:
         """Return the index of the picture at a time, limited to the first and last."""
@@ -60,12 +60,12 @@ def read_video(path: Path) -> Video:
         cut = _read_pictures(path, made)
     except FileError:
         raise
-    except Exception as error:  # decoders raise what they like at damage
+    except Exception as error:  # decoders raise arbitrary errors for damaged files
         if not made:
-            raise FileError(f"{path.name}: no film that can be read ({reason(error)}).", REMEDY) from error
+            raise FileError(f"{path.name}: not a readable film ({reason(error)}).", REMEDY) from error
         cut = True
     if not made:
-        raise FileError(f"{path.name}: a film without pictures.", REMEDY)
+        raise FileError(f"{path.name}: a film without frames.", REMEDY)
     times, pictures, sizes = zip(*made, strict=True)
     each = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 0.04
     starts = tuple(time_s - times[0] for time_s in times)
@@ -73,19 +73,19 @@ def read_video(path: Path) -> Video:
 
 
 def _read_pictures(path: Path, made: list[tuple[float, bytes, tuple[int, int]]]) -> bool:
-    """Add times, JPEG pictures and their sizes; whether there is more of the film."""
+    """Read times, JPEG pictures and their sizes into `made`; return whether the film is longer."""
     kept = 0
     for time_s, picture in _webp(path) if path.suffix.lower() == ".webp" else _decoded(path):
         if len(made) == MAX_PICTURES or time_s > MAX_SECONDS or kept > MAX_KEPT_BYTES:
             return True
-        if not made or time_s > made[-1][0]:  # else of damaged or doubled stamps
+        if not made or time_s > made[-1][0]:  # skip damaged or duplicate time stamps
             made.append((time_s, *_small(picture)))
             kept += len(made[-1][1])
     return False
 
 
 def _small(image: Any) -> tuple[bytes, tuple[int, int]]:
-    image.thumbnail((MAX_SIDE, MAX_SIDE))
+    image.thumbnail((MAX_SIDE_PX, MAX_SIDE_PX))
     file = io.BytesIO()
     image.convert("RGB").save(file, "JPEG", quality=JPEG_QUALITY)
     return file.getvalue(), image.size

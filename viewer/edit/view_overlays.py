@@ -1,4 +1,4 @@
-"""What is drawn around the pose in view: trajectory, path, pins, ghosts, trails, and what a take is compared with."""
+"""Overlays around the pose in view: trajectory, path, pins, ghosts, trails, and the reference."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from viewer.render.overlays import Figure, Overlays, TrailOverlay, trajectory_ov
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 
-MEMORY_S = 3.0  # of the live character, for ghosts and trails
+MEMORY_S = 3.0  # history of the live character, for ghosts and trails
 GHOSTS = 3  # before the frame shown, and as many after it
-TRAIL_SECONDS = 0.8  # before and after
-SPEED_SECONDS = 0.05  # over which a speed is measured
+TRAIL_SECONDS = 0.8  # before and after the frame shown
+SPEED_SECONDS = 0.05  # interval for measuring speeds
 JOINTS = tuple(
     SPORT_SKELETON.index(name) for name in ("LeftHand", "RightHand", "LeftFoot", "RightFoot", "Head", "Hips")
 )
@@ -99,7 +99,7 @@ class ViewOverlays:
     def _other_times(
         self, playback: Playback | None, others: list[Pose]
     ) -> tuple[list[Pose], TrailOverlay | None]:
-        """Return ghosts and trails of the take that plays, or of the last seconds of the live character alone."""
+        """Return ghosts and trails of the playing take, or of the live character's last seconds."""
         settings, around = self.takes.settings, playback
         if around is None and (settings.show_ghosts or settings.show_trails) and not others:
             around = self.takes.memory(MEMORY_S)
@@ -109,7 +109,7 @@ class ViewOverlays:
         return frames, self.trails.around(around) if settings.show_trails else None
 
     def _reference(self, playback: Playback | None, others: list[Pose]) -> tuple[Figure | None, list[Pose]]:
-        """Return what the take that plays is compared with: a figure of its own, a ghost over it, or one of the `others`."""
+        """Return the reference of the playing take: a figure of its own, a ghost over it, or one of the `others`."""
         references = self.references
         pose = None if playback is None else references.pose(playback)
         if playback is None or pose is None:

@@ -1,4 +1,4 @@
-"""The export of takes as BVH by one button, and which files of this run hold which take."""
+"""One-button export of takes as BVH, and which files of this run contain which take."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from viewer.jobs import Slot
 from viewer.session.takes import Takes
 from viewer.settings import under_home
 
-MAX_STEM_BYTES = 120  # of a file name, which systems limit to 255 with its ending
+MAX_STEM_BYTES = 120  # of a file name, which systems limit to 255 including its ending
 EXPORT_ALL = Slot("export", "all takes")
 
 
@@ -25,13 +25,13 @@ class ExportField:
     """The path for exporting the current take: a free name is proposed until the user types one."""
 
     takes: Takes
-    path: str = field(default="", init=False)  # as the field shows it
+    path: str = field(default="", init=False)  # text of the field
     _proposed: str | None = field(
         default=None, init=False
-    )  # what was put there; None once something was typed
+    )  # the proposed text; None once something was typed
     _target: Path = field(
         default=Path(), init=False
-    )  # what that means: a name may hold what no field can show
+    )  # its path: a name may contain characters that a field cannot show
 
     @property
     def suffix(self) -> str:
@@ -55,7 +55,7 @@ class ExportField:
     def target(self) -> Path:
         """Return the path to write to; UsageError if the typed text is not a file name."""
         if self.typed:
-            self._proposed = None  # whatever is typed from now on is meant
+            self._proposed = None  # anything typed from now on is intended
             return export_target(self.path, self.suffix)
         self.propose()  # another program may have taken the name since
         return self._target
@@ -63,9 +63,9 @@ class ExportField:
 
 @dataclass
 class BvhExport(ExportField):
-    # files of this run, by whose number and what they hold; None: the take otherwise than it is
+    # files of this run by take number, with their content; None if the take was exported differently
     _files: dict[Path, tuple[int, object]] = field(default_factory=dict)
-    _session: SessionFile | None = None  # whose takes the numbers are of
+    _session: SessionFile | None = None  # session of these numbers
 
     def __post_init__(self) -> None:
         self._session = self.takes.editor.file
@@ -112,7 +112,7 @@ class BvhExport(ExportField):
 
     def _exported(self, take: Take, path: Path) -> None:
         self.note_file(path, take.number, take)
-        # "~/clips" stays as it was written
+        # "~/clips" stays as typed
         self.takes.settings.export_folder = under_home(path.parent)
         self.takes.messages.note(f"Saved {path}", path)
         if self._proposed is not None:
@@ -146,7 +146,7 @@ class BvhExport(ExportField):
 
 
 def _content(take: Take) -> tuple[object, ...]:
-    """Return what a file of a take holds: equal for takes whose files would be."""
+    """Return a key of the content of a take's file, equal for takes with equal files."""
     return take.motion, take.mirrored, take.poses, take.range
 
 
@@ -170,7 +170,7 @@ def file_stem(name: str) -> str:
 def free_path(path: Path) -> Path:
     """Return `path`, or the first of path-2, path-3, … that does not exist."""
     candidate, number = path, 2
-    while os.path.lexists(candidate):  # unlike Path.exists, no error where the folder cannot be read
+    while os.path.lexists(candidate):  # unlike Path.exists, no error in an unreadable folder
         candidate = path.with_stem(f"{path.stem}-{number}")
         number += 1
     return candidate

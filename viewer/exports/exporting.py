@@ -1,4 +1,4 @@
-"""Exports of the selected take in every form that the command writes: on a worker thread, with progress and an end."""
+"""Exports of the selected take in every format of the command: on a worker thread, with progress and cancellation."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ file", ".glb
 
 @dataclass(frozen=True)
 class ExportForm(ExportOptions):
-    """The options of the export window: those of an export (0 frames a second: as the take), and those of the window only."""
+    """The options of the export window: those of an export (0 frames per second: as the take), and those of the window only."""
 
     fps: float = field(default=0.0, metadata=ExportOptions.__dataclass_fields__["fps"].metadata)
     suffix: str = option(".glb", ALL, label="Format", choices={f.suffix: f.name for f in FORMATS.values()})
@@ -51,7 +51,7 @@ class ExportForm(ExportOptions):
         return FORMATS[self.suffix]
 
     def chosen(self, fps: float) -> dict[str, Any]:
-        """Return the values of the options that the chosen format has, for a take of `fps` frames a second."""
+        """Return the values of the chosen format's options, for a take of `fps` frames per second."""
         bones = bool(self.engine and ENGINES[self.engine].bones)
         return {name: getattr(self, name) for name in self.format.options} | {
             "fps": self.fps or fps, "strides": self.strides if self.loop else 1,
@@ -92,14 +92,14 @@ class Exporting(ExportField):
     jobs: Jobs
     dialogs: Dialogs
     bvh: BvhExport
-    shown_frames: Callable[[int], tuple[int, int] | None]  # first and last, of a take's number
+    shown_frames: Callable[[int], tuple[int, int] | None]  # first and last, by take number
     shown: bool = False
     form: ExportForm = ExportForm()
-    missing: str = ""  # what the format needs and is not installed, and how to get it
+    missing: str = ""  # a package that the format needs, and how to install it
     progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
-    report: str = ""  # what became of the last export
+    report: str = ""  # result of the last export
     report_good: bool = True
-    saved: Path | None = None  # what it wrote
+    saved: Path | None = None  # its file
     _cancel: threading.Event = field(default_factory=threading.Event)
 
     def __post_init__(self) -> None:
@@ -131,7 +131,7 @@ class Exporting(ExportField):
             return
         self.shown = True
         if self.scene.camera.keyed and self.takes.session.current.cameras:
-            self.choose(camera=KEYED)  # as the view shows it
+            self.choose(camera=KEYED)  # like the view
         self.propose()
 
     def close(self) -> None:
@@ -201,7 +201,7 @@ class Exporting(ExportField):
             raise ExportCancelled("The export was cancelled.")
 
     def _work(self, take: Take, path: Path, form: ExportForm, options: ExportOptions) -> Callable[[], str]:
-        """Return what the worker does, with everything it needs; UsageError for options that do not go together."""
+        """Return the worker's function with everything it needs; UsageError for incompatible options."""
         ground = self._ground_of(take)
         if form.format.film:
             film = self._film_options(form, take, options.start_s)
@@ -210,7 +210,7 @@ class Exporting(ExportField):
         return lambda: " ".join(save_motion(_named_clip(take), path, options, ground(), self._check))
 
     def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
-        """Return the options of the form's format for a take that goes to a path."""
+        """Return the options of the form's format for exporting a take to a path."""
         fps = take.made.header.fps
         own = self.scene.character_path if form.own_character else None
         chosen = form.chosen(fps) | {
@@ -273,7 +273,7 @@ class Exporting(ExportField):
         return found
 
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
-        """Make a film on the worker; return a sentence about it, "" when it was given up."""
+        """Make a film on the worker; return a sentence about it, "" if cancelled."""
         from runtime.formats.prepare import on_its_ground, prepare
         from viewer.filming.film import film_in_process, film_of_take
 
@@ -285,7 +285,7 @@ class Exporting(ExportField):
         make = film_of_take if self.jobs.blocking else film_in_process
         return make(take, terrain, path, export, film, progress, self._cancel)
 
-    # --- what becomes of it
+    # --- results
 
     def _done(self, take: Take, held: Take | None, path: Path, text: str) -> None:
         if not text:
@@ -304,7 +304,7 @@ class Exporting(ExportField):
 
 
 def _held(take: Take, form: ExportForm, options: ExportOptions) -> Take | None:
-    """Return the take that a BVH of this form holds unchanged; None for any other file."""
+    """Return the unchanged take that a BVH of this form contains; None for any other file."""
     changes = replace(
         options, fps=ExportOptions.fps, unit="cm", euler_order=None, ground_out=None, start_s=0.0, end_s=None
     )

@@ -12,15 +12,15 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 
-WINDOW_WIDTH, WINDOW_HEIGHT = 470.0, 560.0  # pixels at scale 1
-END_HEIGHT = 100.0  # of the buttons and of what became of the last export
+WINDOW_WIDTH_PX, WINDOW_HEIGHT_PX = 470.0, 560.0  # pixels at scale 1
+FOOTER_HEIGHT_PX = 100.0  # of the buttons and the last export's result
 LISTS = ("part", "fps", "unit", "euler_order", "engine", "ground", "film_fps", "size", "camera")
-SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # the least value, the text
+SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # minimum value, text
 TOGGLES = (
     "in_place", "ground_root", "at_origin", "rest_frame", "animation_only", "humanoid_names", "captions", "quality",
     "loop", "own_character",
 )  # fmt: skip
-VALUES = {"quality": ("software", "high")}  # of toggles that are not False and True: off and on
+VALUES = {"quality": ("software", "high")}  # of toggles other than False and True: off and on
 
 
 def panel(exporting: Exporting) -> Panel:
@@ -40,8 +40,8 @@ def panel(exporting: Exporting) -> Panel:
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
         with widgets.disabled(exporting.busy):
             _target(exporting)
-            # the buttons below stay where they are, however many options a format has
-            if imgui.begin_child("options", imgui.ImVec2(0, -px(END_HEIGHT))):
+            # the buttons below stay in place, however many options a format has
+            if imgui.begin_child("options", imgui.ImVec2(0, -px(FOOTER_HEIGHT_PX))):
                 _lists_and_sliders(exporting)
                 _toggles(exporting)
                 _strides(exporting)
@@ -50,7 +50,7 @@ def panel(exporting: Exporting) -> Panel:
         exporting.remember()
 
     return Panel(
-        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WINDOW_WIDTH, WINDOW_HEIGHT,
+        "Export", PanelPlace.WINDOW, draw, ICON.save, lambda: exporting.shown, WINDOW_WIDTH_PX, WINDOW_HEIGHT_PX,
         close=exporting.close,
     )  # fmt: skip
 
@@ -64,7 +64,7 @@ def _target(exporting: Exporting) -> None:
     flags = imgui.InputTextFlags_.elide_left
     exporting.path = imgui.input_text("##export file", exporting.path, flags)[1]
     widgets.same_line()
-    if widgets.icon_button(ICON.folder, "browse export", "Choose by a dialog", theme.TEXT):
+    if widgets.icon_button(ICON.folder, "browse export", "Browse…", theme.TEXT):
         exporting.browse()
 
 
@@ -92,7 +92,7 @@ def _lists_and_sliders(exporting: Exporting) -> None:
 
 
 def _slider(exporting: Exporting, name: str, least: float, text: str) -> None:
-    """Draw a row with the value of an option; one below `least` is its default, 0."""
+    """Draw a row with the value of an option; a value below `least` stands for its default, 0."""
     spec, value = spec_of(exporting.form, name), getattr(exporting.form, name)
     widgets.row(spec.label, spec.hint)
     shown = text if value else "default"
@@ -106,7 +106,7 @@ def _toggles(exporting: Exporting) -> None:
     applies = {
         "humanoid_names": form.engine and ENGINES[form.engine].bones, "own_character": own,
     }  # fmt: skip
-    hints = {"own_character": f"{own.name if own else ''} in the place of the mannequin"}
+    hints = {"own_character": f"{own.name if own else ''} instead of the mannequin"}
     names = [name for name in TOGGLES if form.has(name) and applies.get(name, True)]
     columns = 3 if len(names) == 3 else 2
     width = widgets.column_width(columns)
@@ -130,7 +130,7 @@ def _strides(exporting: Exporting) -> None:
 
 
 def _end(exporting: Exporting) -> None:
-    """Draw progress, the buttons, and what became of the last export."""
+    """Draw progress, the buttons, and the last export's result."""
     imgui.separator()
     if exporting.busy:
         done, total = exporting.progress

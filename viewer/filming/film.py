@@ -1,4 +1,4 @@
-"""Films of takes: drawn by an offscreen renderer and written at the same time, with captions, progress, and an end at any time."""
+"""Films of takes: drawn by an offscreen renderer and written at the same time, with captions, progress and cancellation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from viewer.render.overlays import Overlays
 from viewer.render.quality import choose_quality
 from viewer.render.renderer import Renderer
 
-MIN_LETTER_PX = 8  # letters, pixels
+MIN_LETTER_PX = 8  # letter size
 _BACK, _INK = (20, 28, 40, 170), (240, 244, 250, 255)
 
 
@@ -78,7 +78,7 @@ def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np
     half, middle = width(letters) / 2, image.height - 1.3 * letters
     box = (image.width / 2 - half, middle - letters, image.width / 2 + half, middle + letters)
     draw.rounded_rectangle(box, radius=letters, fill=_BACK)
-    # letters are laid over the bar, not put in its place
+    # letters are blended over the bar
     ink = Image.new("RGBA", size, (0, 0, 0, 0))
     font = ImageFont.load_default(letters)
     ImageDraw.Draw(ink).text((image.width / 2, middle), text, fill=_INK, font=font, anchor="mm")
@@ -187,7 +187,7 @@ def make_film(
 
 
 class _Cancelled(Exception):
-    """Raised where a film is no longer wanted."""
+    """Raised when a film is cancelled."""
 
 
 def film_of_take(
@@ -212,11 +212,11 @@ def film_of_take(
     return text if take.clip.loop is None else f"{text}; {take.clip.loop.describe()}"
 
 
-# --- in a process of its own at low priority: the window goes on at its pace
+# --- in a separate process at low priority, so that the window keeps its frame rate
 
-NICENESS = 5  # of the process: the window comes first, and the film still gets a quarter
+NICENESS = 5  # of the process: the window has priority, and the film still gets a quarter
 POLL_S = 0.1
-KILL_S = 0.2  # that a cancelled film may take to clean up by itself
+KILL_S = 0.2  # for a cancelled film to clean up by itself
 
 
 def film_in_process(
@@ -249,7 +249,7 @@ def film_in_process(
         if cancel.is_set():
             return ""
         raise SportError(
-            f"{path}: the film was ended from outside.", "Free some memory, or choose a smaller size."
+            f"{path}: the encoder was stopped from outside.", "Free some memory, or choose a smaller size."
         ) from error
     finally:
         ours.close()
@@ -265,7 +265,7 @@ def _follow(
 ) -> str:
     """Hand over the work, report progress until the film is done, and return its sentence.
 
-    EOFError or ConnectionError when the process is gone.
+    Raises EOFError or ConnectionError if the process is gone.
     """
     cancelled = 0.0
     while True:
@@ -273,7 +273,7 @@ def _follow(
             cancelled = time.monotonic()
             pipe.send("cancel")
         elif cancelled and time.monotonic() - cancelled > KILL_S:
-            kill()  # it has no say in how long the program takes to end
+            kill()  # it cannot delay the end of the program
         if not pipe.poll(POLL_S):
             continue
         kind, value = pipe.recv()
@@ -288,7 +288,7 @@ def _follow(
 
 
 def _work(pipe: Connection) -> None:
-    """Make the film in the other process; when the window's is gone, it is given up."""
+    """Make the film in the other process; it is abandoned if the window's process is gone."""
     if hasattr(os, "nice"):
         os.nice(NICENESS)
     cancel = threading.Event()
@@ -313,5 +313,5 @@ def _work(pipe: Connection) -> None:
         return
     try:
         report("done", make(progress, cancel))
-    except Exception as error:  # raised again where the film was wanted
+    except Exception as error:  # raised again in the window's process
         report("failed", error)

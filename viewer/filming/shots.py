@@ -1,4 +1,4 @@
-"""How a film looks, and its cameras by name: what each frame is seen from."""
+"""Options of a film, and its cameras by name."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import FOV_Y_RAD, Camera, FollowCamera, looked_at
 
-CameraPath = Callable[[Pose], Camera]  # called once for each frame, in their order
+CameraPath = Callable[[Pose], Camera]  # called once per frame, in order
 
 MIN_SIDE, MAX_SIDE = 16, 4096
-# of characters that the shots are for; from a taller one the camera steps back
+# height of the characters that the shots are designed for; the camera steps back from taller ones
 USUAL_CHARACTER_HEIGHT_M = 1.9
 ORBIT_RAD_PER_S = math.radians(24.0)  # per second
 MAX_PITCH_RAD = math.radians(70.0)
-CLEARANCE_M = 0.3  # of a still camera over the ground
+CLEARANCE_M = 0.3  # of a still camera above the ground
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ SHOTS = {  # titles are in `runtime.formats.options.CAMERAS`
     "orbit": Shot(2.7, 0.2, 4.2, ORBIT_RAD_PER_S),
 }
 STILL = "still"  # stands where it sees the whole path
-KEYED = "keyed"  # as the keys of the take show it; of the window alone
-VIEW = "view"  # as `FilmOptions.view` says: as the window shows the character, going along with it
+KEYED = "keyed"  # as the take's camera keys; in the window only
+VIEW = "view"  # as `FilmOptions.view`: as in the window, moving with the character
 CAMERAS = (*SHOTS, STILL)
 
 
@@ -60,7 +60,7 @@ class FilmOptions:
     height: int = 720
     fps: float = 30.0
     camera: str = "front"  # one of `CAMERAS`
-    distance: float = 0.0  # metres of the camera, 0 for its usual one
+    distance: float = 0.0  # metres of the camera, 0 for the default
     captions: bool = True
     quality: str = "high"  # or "software": faster without a graphics card
     view: Shot | None = None  # of the camera "view"
@@ -142,7 +142,7 @@ def _moving(shot: Shot, options: FilmOptions, clip: Clip, terrain: Terrain, size
 
 
 def _keyed(options: FilmOptions, clip: Clip, terrain: Terrain) -> CameraPath:
-    """Return a camera that goes along and looks as the keys say."""
+    """Return a camera that moves along and follows the keys."""
     follow = FollowCamera(looked_at(clip.sample(0.0).hips_position, terrain))
     frame = 0
 
@@ -157,7 +157,7 @@ def _keyed(options: FilmOptions, clip: Clip, terrain: Terrain) -> CameraPath:
 
 
 def _still(options: FilmOptions, clip: Clip, terrain: Terrain, size: float) -> Camera:
-    """Return a camera at the side of the path, far enough to see all of it, high enough to look over the ground between."""
+    """Return a camera at the side of the path, far enough away to see all of it, and high enough to see over the ground."""
     path = np.asarray(clip.hips_positions, np.float64)
     low, high = path.min(axis=0), path.max(axis=0)
     target = looked_at(0.5 * (low + high), terrain, size)

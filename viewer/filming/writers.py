@@ -1,4 +1,4 @@
-"""Where the frames of a film go: MP4, numbered PNG files, animated WebP or GIF; each whole or not at all."""
+"""Film writers: MP4, numbered PNG files, animated WebP or GIF; each complete or not at all."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from runtime.atomic import atomic_path, temporary_folder
 from runtime.errors import FileError, UsageError
 
 Frame = NDArray[np.uint8]  # (H, W, 3), sRGB
-FrameWriter = Callable[[Frame], None]  # called with each frame in its order
+FrameWriter = Callable[[Frame], None]  # called with each frame in order
 
 CODEC = "libx264"
 _X264 = {"preset": "veryfast", "crf": "18"}
-_BT709 = 1  # code of primaries, transfer and matrix of HD video
-_LIMITED = 1  # code of the range 16..235
+_BT709 = 1  # code for primaries, transfer and matrix of HD video
+_LIMITED = 1  # code for the range 16..235
 ANIMATED: dict[str, tuple[str, dict[str, Any]]] = {
     ".webp": ("WEBP", {"quality": 70, "method": 4}),
     ".gif": ("GIF", {"optimize": True}),
 }
-MAX_ANIMATED_FRAMES = 1200  # they are all held in memory
+MAX_ANIMATED_FRAMES = 1200  # all held in memory
 
 
 def check_writer(path: Path, size: tuple[int, int], frames: int) -> None:
@@ -48,7 +48,7 @@ def open_writer(path: Path, size: tuple[int, int], fps: float) -> Iterator[Frame
     """Open a writer for the ending of `path`; an error in the block removes the file. Raises FileError."""
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
-        raise UsageError(f"{path}: no film is written with this ending.", "Choose .mp4, .png, .webp or .gif.")
+        raise UsageError(f"{path}: not a film format.", "Choose .mp4, .png, .webp or .gif.")
     with WRITERS[suffix](path, size, fps) as write:
         yield write
 
@@ -74,7 +74,7 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]
             stream = container.add_stream(CODEC, rate=rate, options=_X264)
         except (av.FFmpegError, OSError, ValueError) as error:
             raise FileError(
-                f"{path}: no H.264 film can be begun ({error}).", "Choose .png frames."
+                f"{path}: the H.264 encoder cannot start ({error}).", "Choose .png frames."
             ) from error
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"
@@ -86,7 +86,7 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]
         failures: list[FileError] = []
 
         def encode(frame: Any) -> None:
-            if failures:  # a muxer that has failed ends the process when it is called again
+            if failures:  # a muxer that has failed crashes the process when it is called again
                 raise failures[0]
             try:
                 container.mux(stream.encode(frame))
@@ -112,7 +112,7 @@ def _mp4(path: Path, size: tuple[int, int], fps: float) -> Iterator[FrameWriter]
 
 @contextmanager
 def _numbered(path: Path, _size: tuple[int, int], _fps: float) -> Iterator[FrameWriter]:
-    """Write frames NAME_00000.png and on, which replace those of an older film only when all are there."""
+    """Write frames NAME_00000.png, …; they replace those of an older film only when all are written."""
     from PIL import Image
 
     written: list[Path] = []

@@ -1,1 +1,1 @@
-"""Theme, widgets, layout and the panels that belong to no room."""
+"""Theme, widgets, layout and general panels."""

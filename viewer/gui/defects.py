@@ -1,4 +1,4 @@
-"""A defect costs an action, not the program: what raises within a frame is caught, reported, and closed."""
+"""Internal errors cost an action, not the program: exceptions within a frame are caught, reported, and the tool is closed."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class Defects:
     """Catches internal errors within a frame; when inactive, as without a display, they are raised."""
 
     folder: Path  # of the reports
-    device: str  # what draws, for the report
-    keep_work: Callable[[], None]  # writes the session
+    device: str  # the rendering device, for the report
+    keep_work: Callable[[], None]  # saves the session
     active: bool = True
     shown: Defect | None = None  # until the user has read it
     _times_s: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_DEFECTS_PER_S))
@@ -64,9 +64,9 @@ class Defects:
             if not self.active or often:
                 raise
             _LOG.exception("a defect while %s", doing)
-            if in_frame and _in_frame():  # else ImGui does so at the frame's end
+            if in_frame and _in_frame():  # otherwise ImGui does so at the end of the frame
                 imgui.internal.error_recovery_try_to_recover_state(stacks)
-            imgui.get_style().alpha = 1.0  # which a block of disabled items may have left at another
+            imgui.get_style().alpha = 1.0  # a block of disabled items may have changed it
             self._report(doing, error)
             with self.guarded(f"closing after {doing}"):
                 close()
@@ -81,7 +81,7 @@ class Defects:
             write_atomic(path, text)
         except FileError:
             written = False  # the text can still be copied
-        # the first one has caused those after it
+        # the first error has caused those after it
         self.shown = self.shown or Defect(doing, text, path if written else None)
 
     def dismiss(self) -> None:
@@ -96,7 +96,7 @@ def _in_frame() -> bool:
 def safe_panel(panel: Panel, defects: Defects) -> Panel:
     """Return the panel with all its functions guarded: an internal error closes it.
 
-    A panel in a column offers to be opened again; any other reappears when the report is closed.
+    A panel in a column offers to be reopened; any other reappears when the report is closed.
     """
     failed: set[str] = set()
     in_place = panel.place in IN_PLACE
@@ -121,7 +121,7 @@ def safe_panel(panel: Panel, defects: Defects) -> Panel:
         if not failed:
             draw(rect)
         elif in_place:
-            widgets.muted("A defect has closed this panel.", wrap=True)
+            widgets.muted("An internal error closed this panel.", wrap=True)
             if widgets.button(f"Open it again##{panel.name}"):
                 failed.clear()
 

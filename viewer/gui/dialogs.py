@@ -1,4 +1,4 @@
-"""Dialogs for files: the system's own where it has a program for them, else one of folders and files to click or type."""
+"""File dialogs: the system's own if it has a program for them, else a built-in one with folders and files to click or type."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from viewer.messages import Messages
 LINUX_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
 DIALOG_WIDTH_PX, LIST_HEIGHT_PX = 520.0, 240.0  # pixels at scale 1
 MAX_ENTRIES = 500  # of a folder
-Filters = Sequence[str]  # in turns a name and its patterns: ["Projects", "*.sport"]
+Filters = Sequence[str]  # alternating names and patterns: ["Projects", "*.sport"]
 
 
 class DialogKind(Enum):
@@ -36,14 +36,14 @@ class DialogKind(Enum):
 class PendingDialog:
     kind: DialogKind
     title: str
-    start: Path  # folder, or file to propose
+    start: Path  # folder, or proposed file
     filters: Filters
     done: Callable[[Path], None]
     native: Any = None  # the system's dialog
     typed: str = ""
     shown: bool = False
-    replacing: str = ""  # the path of a file that exists, once the user was warned
-    # a folder with what is offered of it, read when the folder changes
+    replacing: str = ""  # an existing file, once the user was warned
+    # a folder with its entries, read when the folder changes
     listed: tuple[Path, list[Path]] = (Path(), [])
 
     @property
@@ -83,7 +83,7 @@ def _entries(folder: Path, patterns: Sequence[str]) -> list[Path]:
     """Return the folders in a folder, then the files whose name fits a pattern; hidden ones are left out."""
     try:
         found = sorted((p for p in folder.iterdir() if p.name[:1] != "."), key=lambda p: p.name.casefold())
-    except OSError:  # a folder that cannot be read shows nothing
+    except OSError:  # an unreadable folder shows nothing
         return []
     files = [
         p for p in found if not os.path.isdir(p) and any(fnmatch(p.name.lower(), one) for one in patterns)
@@ -171,7 +171,7 @@ class Dialogs:
             question.done(expanded(chosen))
 
     def _browser(self, question: PendingDialog) -> str | None:
-        """Draw folders and files to click; return the path of a file that was clicked twice."""
+        """Draw folders and files; return the path of a double-clicked file."""
         answer = None
         if imgui.begin_child("files", imgui.ImVec2(0, px(LIST_HEIGHT_PX))):
             folder = question.folder
@@ -188,7 +188,7 @@ class Dialogs:
         return answer
 
     def _field(self, question: PendingDialog) -> str | None:
-        """Draw the field and its buttons; return a path, "" to leave, None for no answer yet."""
+        """Draw the field and its buttons; return a path, "" to cancel, None for no answer yet."""
         widgets.full_width()
         if not question.shown:
             imgui.set_keyboard_focus_here()
@@ -200,6 +200,6 @@ class Dialogs:
         if widgets.button(f"{question.kind.value}###dialog ok", half, primary=True) or entered:
             return question.accept()
         widgets.same_line()
-        # also of the field, which has the keys
+        # also of the field with the keyboard focus
         escaped = imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
         return "" if widgets.button("Cancel###dialog cancel", half) or escaped else None

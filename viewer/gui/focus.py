@@ -1,4 +1,4 @@
-"""Says who has the keys: the view, where single keys drive and act, or a panel or window, where they type and choose."""
+"""Keyboard focus: the view, where single keys drive and act, or a panel or window, where they type and select."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from viewer.gl_bindings import imgui
 from viewer.input.devices import Devices
 
-OVER = "##overlay"  # ends the names of windows over everything
+OVER = "##overlay"  # suffix of the names of windows above everything
 _IMPLICIT = "Debug##"  # ImGui's own window, which is never shown
 
 
@@ -18,8 +18,8 @@ class Use(Enum):
     """How the window with the keyboard focus uses a key."""
 
     NONE = auto()  # nothing there is in use
-    OPEN = auto()  # a field is typed into, a list or menu is open, a button or slider is held
-    UNSURE = auto()  # until the next frame: what was pressed or closed may open something; keys wait
+    OPEN = auto()  # a field is edited, a list or menu is open, a button or slider is held
+    UNSURE = auto()  # until the next frame: a press or closed item may open something; keys wait
 
 
 @dataclass
@@ -30,9 +30,9 @@ class Focus:
     open window, or to the view.
     """
 
-    holder: str = ""  # the window that has the keys; "" is the view
+    holder: str = ""  # the window with the keyboard focus; "" is the view
     use: Use = Use.NONE
-    windows: tuple[str, ...] = ()  # over everything, the one in front last
+    windows: tuple[str, ...] = ()  # windows above everything, the front one last
 
     @property
     def in_view(self) -> bool:
@@ -54,12 +54,12 @@ class Focus:
         if use is Use.NONE:
             self._settle(context, opened, drawn)
             return
-        if not any(map(imgui.is_mouse_clicked, range(3))):  # which ImGui acts on at the end of the frame
+        if not any(map(imgui.is_mouse_clicked, range(3))):  # which ImGui handles at the end of the frame
             self.holder = _owner(context.nav_window) or self.holder
         self.use = use
 
     def _settle(self, context: Any, opened: list[str], drawn: list[str]) -> None:
-        """Give the keys to a window that was opened, and take them from one that closed, while nothing is in use."""
+        """Focus a newly opened window, and unfocus a closed one, while nothing is in use."""
         if opened:
             self.holder = opened[-1]
         elif self.use is Use.OPEN or (self.holder and self.holder not in drawn):
@@ -90,10 +90,10 @@ class KeyRouter:
     focus: Focus
     devices: Devices
     asks_text: Callable[[], bool]  # a field waits for the keyboard
-    refuse: Callable[[], None]  # says that a panel has the keys
-    _waiting: list[tuple[str, bool]] = field(default_factory=list)  # name, whether it went down
-    _ctrl: bool = False  # is down
-    # Enter was pressed in the view: letters that follow within a slow frame are the field's
+    refuse: Callable[[], None]  # says that a panel has the focus
+    _waiting: list[tuple[str, bool]] = field(default_factory=list)  # name, whether it was pressed
+    _ctrl: bool = False  # whether it is down
+    # Enter was pressed in the view: letters typed within a slow frame belong to the field
     _field_entered: bool = False
 
     @property
@@ -127,7 +127,7 @@ class KeyRouter:
         self._waiting.clear()
 
     def _take(self, name: str, down: bool) -> bool:
-        """Return whether a key acts: function keys always do, all others while the view has the keys."""
+        """Return whether a key acts: function keys always do, others while the view has the focus."""
         typing, in_view = self.typing or self._field_entered, self.focus.in_view
         self.devices.keyboard.key(name, down, typing or not in_view)
         self._ctrl = down if name == "ctrl" else self._ctrl
@@ -141,13 +141,13 @@ class KeyRouter:
 
 
 def _use_of(context: Any) -> Use:
-    """Return whether a popup is open, an item is held, or the keyboard goes to one, by Tab or for a field."""
+    """Return whether a popup is open, an item is held, or the keyboard focus moves to one, by Tab or for a field."""
     if len(context.open_popup_stack):
         return Use.OPEN
     if context.nav_move_submitted or context.nav_next_activate_id:
         return Use.UNSURE
     pressed = context.active_id_window
-    background = pressed is not None and context.active_id == pressed.move_id  # a window that is moved
+    background = pressed is not None and context.active_id == pressed.move_id  # a window being moved
     return Use.OPEN if context.active_id != 0 and not background else Use.NONE
 
 

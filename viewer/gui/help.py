@@ -1,4 +1,4 @@
-"""The table of the help window: every control, for both devices."""
+"""The help window's table of all controls, for both devices."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def draw(fonts: Fonts, settings: Settings) -> None:
     """Draw the table of all controls, with the keys and buttons from the settings."""
     imgui.push_style_var(imgui.StyleVar_.cell_padding, imgui.ImVec2(px(6), px(1.5)))
     shown = imgui.begin_table("controls", 3, imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg)
-    imgui.pop_style_var()  # a table keeps that with which it began
+    imgui.pop_style_var()  # a table keeps the style it began with
     if not shown:
         return
     for name, width in zip(("", "Keyboard and mouse", "Gamepad"), COLUMNS_PX, strict=True):

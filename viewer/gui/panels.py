@@ -1,4 +1,4 @@
-"""What a panel is, and its window: tools make panels, the shell draws them."""
+"""Panels and their windows: tools make panels, the shell draws them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enum import Enum, auto
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.focus import OVER
-from viewer.gui.layout import STATUS_HEIGHT, Rect
+from viewer.gui.layout import STATUS_HEIGHT_PX, Rect
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import Action
@@ -52,15 +52,15 @@ class Panel:
     draw: Callable[[Rect], None]
     icon: str = ""
     shown: Callable[[], bool] = lambda: True
-    width: float = 0.0  # of a window in the middle, pixels at scale 1; 0: it draws its own window
-    height: float = 0.0  # that such a window keeps, whatever it holds; 0: as high as its contents
-    modal: bool = False  # while it is shown, nothing behind it takes mouse or keys
+    width: float = 0.0  # of a centred window, at scale 1; 0: it draws its own window
+    height: float = 0.0  # fixed height of such a window; 0: as high as its contents
+    modal: bool = False  # while it is shown, everything behind it ignores mouse and keys
     light: bool = False  # a click beside it closes it
-    tools: Callable[[], None] | None = None  # buttons in the line of the title
+    tools: Callable[[], None] | None = None  # buttons in the title line
     tools_width: float = 0.0  # pixels at scale 1
     actions: Mapping[Action, Callable[[], None]] = field(default_factory=dict)
     begin_typing: Callable[[], None] | None = None  # Enter in the view goes to its field
-    keys: Callable[[], None] | None = None  # acts on combinations with Ctrl, once a frame
+    keys: Callable[[], None] | None = None  # handles Ctrl combinations, once per frame
     close: Callable[[], object] | None = None  # Escape closes it while it is shown
     # how much of the view's left side it covers, in screen units
     covers: Callable[[Rect], float] = lambda _: 0.0
@@ -72,7 +72,7 @@ def draw_window(name: str, rect: Rect, contents: Callable[[], None], flags: int 
         return
     imgui.set_next_window_pos(imgui.ImVec2(rect.x, rect.y))
     imgui.set_next_window_size(imgui.ImVec2(rect.width, rect.height))
-    # a scrollbar has its place in the padding: nothing gets narrower when it appears
+    # a scrollbar fits into the padding: nothing gets narrower when it appears
     inside = rect.width - 2 * imgui.get_style().window_padding.x
     imgui.set_next_window_content_size(imgui.ImVec2(max(inside, 1.0), 0))
     imgui.begin(name, None, flags)
@@ -135,7 +135,7 @@ def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
     """
     size = imgui.get_io().display_size
     beside = dim_behind(panel.name) if panel.modal else False
-    free = max(size.y - px(STATUS_HEIGHT), 1.0)
+    free = max(size.y - px(STATUS_HEIGHT_PX), 1.0)
     wide, high = min(px(panel.width), size.x - px(20)), free - px(20)
     top = (free - min(px(panel.height), high)) / 2 if panel.height else px(WINDOW_TOP_PX)
     imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, top), imgui.Cond_.appearing, imgui.ImVec2(0.5, 0.0))
@@ -159,7 +159,7 @@ def draw_centred(panel: Panel, rect: Rect, fonts: Fonts) -> None:
 
 
 def _keep_inside(width: float, height: float) -> None:
-    """Move the window back that was dragged out of the screen, or grew over its edge."""
+    """Move a window back that was dragged off the screen, or grew over its edge."""
     at, size = imgui.get_window_pos(), imgui.get_window_size()
     x = max(min(at.x, width - size.x), 0.0)
     y = max(min(at.y, height - size.y), 0.0)

@@ -1,4 +1,4 @@
-"""The status line: the message on the left, with the list of the last ones behind it; the machine on the right."""
+"""The status line: message on the left, with a list of recent ones; facts about the machine on the right."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _LOOKS = {
     Level.WARNING: (ICON.warning, theme.WARNING),
     Level.ERROR: (ICON.error, theme.ERROR),
 }
-MIN_MESSAGE_WIDTH = 260.0
+MIN_MESSAGE_WIDTH_PX = 260.0
 SHOW = "Show in folder"
-ICON_WIDTH = 26.0  # before a message
-LIST, LIST_WIDTH = "messages", 620.0
+ICON_WIDTH_PX = 26.0  # left of a message
+LIST, LIST_WIDTH_PX = "messages", 620.0
 DRIVE_HINT = "W A S D or the left stick to move,  F1 for all controls"
 FPS_HALF_LIFE_S = 0.5
 
 
 @dataclass
 class Stats:
-    frame_ms: float = 0.0  # work of one frame, without waiting
-    fps: float = 0.0  # frames shown a second
-    steps_per_s: float = 0.0  # simulation steps a second; 60 is real time
-    memory_mb: float = 0.0  # that the program holds; 0 where the system does not tell
+    frame_ms: float = 0.0  # working time per frame
+    fps: float = 0.0  # displayed frames per second
+    steps_per_s: float = 0.0  # simulation steps per second; 60 is real time
+    memory_mb: float = 0.0  # in use by the program; 0 if unknown
 
     def add(self, work_s: float, interval_s: float, steps: int) -> None:
         """Add a frame to the statistics: working time and interval since the last frame (seconds), and simulation steps."""
@@ -51,7 +51,7 @@ def draw(messages: Messages, facts: list[tuple[str, str]], doing: str, can_end: 
     message = messages.current
     width, gap = imgui.get_content_region_avail().x, px(18)
     text = DRIVE_HINT if message is None else message.text
-    wanted = max(imgui.calc_text_size(text).x + px(ICON_WIDTH) + gap, px(MIN_MESSAGE_WIDTH))
+    wanted = max(imgui.calc_text_size(text).x + px(ICON_WIDTH_PX) + gap, px(MIN_MESSAGE_WIDTH_PX))
     widths = [imgui.calc_text_size(text).x + gap for text, _ in facts]
     while len(widths) > 1 and sum(widths) - gap > width - wanted:
         widths.pop(0)
@@ -91,7 +91,7 @@ def _message(message: Message | None, width: float, show: Callable[[Path], None]
     widgets.text(icon, color)
     imgui.same_line(0, px(5))
     width -= imgui.calc_text_size(SHOW).x + px(24) if message.path else 0.0
-    shown = widgets.elided(message.text, width - px(ICON_WIDTH))
+    shown = widgets.elided(message.text, width - px(ICON_WIDTH_PX))
     widgets.text(shown, theme.TEXT if message.level is Level.NOTE else color)
     _opens_list("" if shown == message.text else message.text)
     if message.path is not None:
@@ -101,16 +101,16 @@ def _message(message: Message | None, width: float, show: Callable[[Path], None]
 
 
 def _opens_list(text: str = "") -> None:
-    """Open the list of messages at a click on the item before."""
+    """Open the list of messages when the previous item is clicked."""
     if imgui.is_item_hovered():
-        widgets.tooltip(f"{text}\nClick: the last messages".lstrip())
+        widgets.tooltip(f"{text}\nClick for recent messages".lstrip())
         if imgui.is_mouse_clicked(0):
             imgui.open_popup(LIST)
 
 
 def _list(messages: Messages) -> None:
     corner = imgui.get_window_pos()
-    width, space = min(px(LIST_WIDTH), imgui.get_window_width() - px(20)), imgui.get_io().display_size.y
+    width, space = min(px(LIST_WIDTH_PX), imgui.get_window_width() - px(20)), imgui.get_io().display_size.y
     imgui.set_next_window_pos(
         imgui.ImVec2(corner.x + px(10), corner.y - px(6)), imgui.Cond_.always, imgui.ImVec2(0, 1)
     )
@@ -118,7 +118,7 @@ def _list(messages: Messages) -> None:
     if not imgui.begin_popup(LIST):
         return
     if not messages.recent:
-        widgets.muted("Nothing was said yet.")
+        widgets.muted("No messages yet.")
     for number, message in enumerate(reversed(messages.recent)):
         imgui.push_id(number)
         _entry(message, messages.show_in_folder)

@@ -13,7 +13,7 @@ from typing import Any
 from viewer.gl_bindings import imgui
 from viewer.gui.theme import FONT_SIZE_PX
 
-# By script, the ones to be preferred first, in lower case.
+# By script, preferred ones first, in lower case.
 NAMES: dict[str, tuple[str, ...]] = {
     "Chinese and Japanese": (
         "notosanscjk-regular.ttc", "notosanscjkjp-regular.otf", "notosansjp-regular.otf", "notosansjp-regular.ttf",
@@ -35,7 +35,7 @@ FOLDERS: dict[str, tuple[str, ...]] = {
     "darwin": ("~/Library/Fonts", "/Library/Fonts", "/System/Library/Fonts"),
     "win32": ("${LOCALAPPDATA}/Microsoft/Windows/Fonts", "${WINDIR}/Fonts"),
 }
-FIRST = 0x0250  # the first character that may be missing
+FIRST_CODE = 0x0250  # code point of the first character that may be missing
 _LOG = logging.getLogger("sport.viewer")
 
 
@@ -56,12 +56,12 @@ class SystemFonts:
     """Adds system fonts to the panels' font when a text first needs them."""
 
     regular: Any
-    _seen: set[str] = field(default_factory=set)  # characters that were looked at
-    _rest: list[Path] | None = None  # fonts that were not loaded yet; None before any was looked for
+    _seen: set[str] = field(default_factory=set)  # characters already checked
+    _rest: list[Path] | None = None  # fonts not loaded yet; None before the first search
 
     def cover(self, texts: Iterable[str]) -> str:
         """Load fonts for new characters; return those that no font contains."""
-        new = {c for text in texts if not text.isascii() for c in text if ord(c) >= FIRST} - self._seen
+        new = {c for text in texts if not text.isascii() for c in text if ord(c) >= FIRST_CODE} - self._seen
         self._seen |= new
         missing = self._lacking(new)
         if missing and self._rest is None:
@@ -79,7 +79,7 @@ class SystemFonts:
         config.merge_mode, config.dst_font = True, self.regular
         try:
             imgui.get_io().fonts.add_font_from_file_ttf(str(path), FONT_SIZE_PX, config)
-        except RuntimeError:  # ImGui's word for a file that is no font
+        except RuntimeError:  # ImGui's error for an invalid font
             _LOG.warning("%s: this font cannot be read.", path)
             return
         _LOG.info("Font %s", path)

@@ -113,7 +113,7 @@ def load_fonts() -> Fonts:
         font = atlas.add_font_from_file_ttf(str(root / name), FONT_SIZE_PX)
         merge = imgui.ImFontConfig()
         merge.merge_mode = True
-        merge.glyph_min_advance_x = FONT_SIZE_PX * 1.25  # icons of one width line up
+        merge.glyph_min_advance_x = FONT_SIZE_PX * 1.25  # icons of equal width line up
         merge.glyph_offset = imgui.ImVec2(0.0, 1.0)
         atlas.add_font_from_file_ttf(str(icons), FONT_SIZE_PX * 0.86, merge)
         return font
@@ -133,7 +133,7 @@ _LENGTHS: dict[str, float | tuple[float, float]] = {  # pixels at scale 1
 
 def apply_style(scale: float) -> None:
     """Set spacing, rounding and colours; call again when the scale changes."""
-    # not Style.scale_all_sizes: it multiplies what is there, so a second change of scale would add up
+    # not Style.scale_all_sizes: it multiplies the present values, so a second change of scale would accumulate
     style = imgui.get_style()
     imgui.style_colors_dark()
     for name, length in _LENGTHS.items():

@@ -1,4 +1,4 @@
-"""Small building blocks of the panels, and widgets of settings; lengths in pixels at scale 1 go through `px`."""
+"""Small building blocks of the panels, and widgets for settings; lengths in pixels at scale 1 go through `px`."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from viewer.gui.theme import Color
 from viewer.settings import Settings
 
 GAP_PX = 4.0  # between items side by side, pixels at scale 1
-LABEL_WIDTH = 150.0  # of the name of a row, pixels at scale 1
-TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 290.0, 180.0  # pixels at scale 1
-TOOLTIP_LENGTH = 360  # characters
-TOOLTIP_EDGE_PX = 40.0  # a column is at most so far from the edge of the window
+LABEL_WIDTH_PX = 150.0  # of a row's label, at scale 1
+TOOLTIP_WIDTH_PX, TOOLTIP_MIN_WIDTH_PX = 290.0, 180.0  # at scale 1
+MAX_TOOLTIP = 360  # characters
+TOOLTIP_EDGE_PX = 40.0  # maximum distance of a column from the edge of the window
 
 
 _PRIMARY: dict[int, Color] = {
@@ -104,7 +104,7 @@ def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
 def tooltip(text: str) -> None:
     """Show a tooltip for the previous item, placed beside its panel so that it covers no field."""
     if text and imgui.is_item_hovered(_RESTING):
-        text = text if len(text) <= TOOLTIP_LENGTH else text[: TOOLTIP_LENGTH - 1].rstrip() + "…"
+        text = text if len(text) <= MAX_TOOLTIP else text[: MAX_TOOLTIP - 1].rstrip() + "…"
         width = _place_in_view()
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(width)
@@ -116,21 +116,21 @@ def tooltip(text: str) -> None:
 def _place_in_view() -> float:
     """Put the next window into the view next to the item's column; return the width of its text.
 
-    That of a bar along the bottom, as the timeline, stands over the bar. Of what lies in no column at the left or right
+    For a bar along the bottom, such as the timeline, it is above the bar. For items outside the left and right columns
     the tooltip stays at the mouse.
     """
     root = imgui.internal.get_current_window().root_window
     space, gap, item = imgui.get_io().display_size, px(6), imgui.get_item_rect_min()
     if root.size.x > 2 * root.size.y and root.pos.y > 0.4 * space.y:
-        width = px(TOOLTIP_WIDTH)
+        width = px(TOOLTIP_WIDTH_PX)
         widest = width + 2 * imgui.get_style().window_padding.x
         x = max(min(imgui.get_io().mouse_pos.x, space.x - gap - widest), root.pos.x)
         corner = imgui.ImVec2(x, root.pos.y - gap)
         imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(0.0, 1.0))
         return width
     right = space.x - (root.pos.x + root.size.x)
-    left, width = root.pos.x, px(TOOLTIP_WIDTH)
-    if max(left, right) < px(TOOLTIP_MIN_WIDTH) or min(left, right) > px(TOOLTIP_EDGE_PX):
+    left, width = root.pos.x, px(TOOLTIP_WIDTH_PX)
+    if max(left, right) < px(TOOLTIP_MIN_WIDTH_PX) or min(left, right) > px(TOOLTIP_EDGE_PX):
         return width
     padding = 2 * imgui.get_style().window_padding.x
     width = min(width, max(left, right) - padding - 2 * gap)
@@ -309,7 +309,7 @@ def elided(text: str, width: float) -> str:
 def named(name: str, key: object, about: str = "", width: float = 220.0) -> str:
     """Return the label of an item for a name of any text: on one line, cut to pixels at scale 1, `about` it, and ImGui's `key`."""
     shown = elided(" ".join(printable(name).split()), px(width))
-    return f"{re.sub('#(?=#)', '# ', shown)}{about}##{key}"  # what follows ## would not be shown
+    return f"{re.sub('#(?=#)', '# ', shown)}{about}##{key}"  # text after ## would be hidden
 
 
 def sign(view: Rect, text: str, tint: Color) -> None:
@@ -364,7 +364,7 @@ def row(label: str, hint: str = "") -> None:
     imgui.align_text_to_frame_padding()
     muted(label)
     tooltip(hint)
-    imgui.same_line(px(LABEL_WIDTH))
+    imgui.same_line(px(LABEL_WIDTH_PX))
     full_width()
 
 

@@ -1,1 +1,1 @@
-"""Devices to requests: keyboard, gamepad and scripts become one `Intent` per frame."""
+"""From devices to requests: keyboard, gamepad and scripts become one `Intent` per frame."""

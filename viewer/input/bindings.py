@@ -1,4 +1,4 @@
-"""What keys and buttons do: one table that the input mapper obeys and the help overlay prints."""
+"""Key and button bindings: one table used by the input mapper and the help overlay."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from runtime.controls import Controls, Gait
 from viewer.input.gamepad import GamepadState, radial_dead_zone
 
 ZOOM_STEPS_PER_S = 9.0  # wheel steps per second of a held key
-HOLD_S = 0.35  # a crouch key that is held longer stands up when it is let go
-JUMP_PRESS_S = 0.05  # a press lasts at least this long: one shorter than a step must not be lost
+HOLD_S = 0.35  # releasing a crouch key held longer stands up
+JUMP_PRESS_S = 0.05  # minimum length of a press, so that one shorter than a simulation step is not lost
 TRIGGER_PRESSED_FRACTION = 0.3
 
 
-# Keys that work while a text field has the focus: they type nothing.
+# Keys that work while a text field has the focus, since they type nothing.
 NEVER_TYPED = frozenset(f"f{i}" for i in range(1, 13))
 MODIFIERS = frozenset({"ctrl", "shift", "alt"})
 
@@ -55,8 +55,8 @@ class Keyboard:
 class Action(Enum):
     """Everything that a key or button can do, with its triggers: any of `keys`, or the gamepad's `button`.
 
-    While a take plays, `take_key` has priority. HELD actions act while down, the others once per press: by `actions` of
-    the tool that they are about.
+    While a take plays, `take_key` has priority. HELD actions act while down, the others once per press, through the
+    `actions` of their tool.
     """
 
     def __init__(self, keys: str, button: str = "", take_key: str = "") -> None:
@@ -125,7 +125,7 @@ class Drag(Enum):
     ZOOM = auto()
 
 
-# What a drag with a button and a modifier does, in the habits of some programs; right orbits in all of them.
+# Mouse drags by button and modifier, as in several programs; the right button always orbits.
 NAVIGATION: dict[str, dict[tuple[str, str], Drag]] = {
     "sport": {
         ("left", ""): Drag.ORBIT, ("right", ""): Drag.ORBIT, ("right", "shift"): Drag.PAN,
@@ -200,7 +200,7 @@ def key_tables(changes: str = "") -> tuple[dict[Action, frozenset[str]], dict[st
     return view, take
 
 
-# What the help overlay prints: heading, then rows of what, keyboard and mouse, gamepad: {action} is its button.
+# The help overlay: heading, then rows of action, keyboard and mouse, gamepad; {action} is replaced by its key or button.
 HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     ("Move", (
         ("Walk", "{forward}  {left}  {back}  {right}", "Left stick"),
@@ -222,13 +222,13 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Start or stop", "{record}", "{record}"),
         ("Keep the last seconds", "{save_last}", "{save_last}"),
         ("Play or pause the clip", "{play}, or Space while it plays", ""),
-        ("One frame back, one on", "Left, Right, or {frame_back}, {frame_on}", ""),
+        ("One frame back, one forward", "Left, Right, or {frame_back}, {frame_on}", ""),
         ("First frame, last frame", "{first_frame}, {last_frame}", ""),
-        ("Back, stop, on (again: faster)", "{play_backwards}, {stop_playing}, {play_forwards}", ""),
+        ("Backward, stop, forward (again: faster)", "{play_backwards}, {stop_playing}, {play_forwards}", ""),
         ("In, out, key", "{trim_in}, {trim_out}, {key_pose}", ""),
         ("Timeline: zoom, scroll, fit", "Wheel, Shift+wheel, {fit_timeline}", ""),
         ("Delete, copy, cut, paste, duplicate", "Del, Ctrl+C, X, V, D", ""),
-        ("Move, select all, let go", "Left / Right, Ctrl+A, Esc", ""),
+        ("Move, select all, deselect", "Left / Right, Ctrl+A, Esc", ""),
         ("Screenshot", "{screenshot}", ""),
     )),
     ("Show", (
@@ -242,7 +242,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     )),
     ("Prompt", (
         ("Write a prompt, leave the field", "{prompt}, Esc", ""),
-        ("Choose a suggestion, take it", "Up / Down, Tab or Enter", ""),
+        ("Choose a suggestion, accept it", "Up / Down, Tab or Enter", ""),
         ("Last prompts, in an empty field", "Up / Down", ""),
         ("Compare side by side", "{compare}", ""),
         ("Undo, redo", "Ctrl+Z, Ctrl+Y", ""),

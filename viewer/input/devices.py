@@ -1,4 +1,4 @@
-"""Joins keyboard, gamepad and the script of keys to one request in each frame."""
+"""Combines keyboard, gamepad and key script into one request per frame."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _parse_step(step: str, known_keys: frozenset[str]) -> tuple[frozenset[str], 
     except ValueError:
         seconds = -1.0
     if not 0.0 < seconds <= MAX_SECONDS:
-        raise UsageError(f'--keys: "{words[1][:60]}" is no time in seconds.', remedy)
+        raise UsageError(f'--keys: "{words[1][:60]}" is not a time in seconds.', remedy)
     if words[0].lower() == IDLE:
         return frozenset(), seconds
     keys = frozenset(words[0].lower().split("+"))
@@ -64,12 +64,12 @@ class Devices:
 
     pads: GamepadSource
     script: KeyScript
-    press: Callable[[str, bool], None]  # does as if a key went down or up
+    press: Callable[[str, bool], None]  # simulates a key press or release
     keyboard: Keyboard = field(default_factory=Keyboard)
     mapper: InputMapper = field(default_factory=InputMapper)
     name: str = KEYBOARD
     _scripted: frozenset[str] = frozenset()
-    _keys: str = ""  # changes, see `bindings.bound`
+    _keys: str = ""  # the user's changes, see `bindings.bound`
 
     def acts_alone(self, name: str) -> bool:
         """Return whether a single letter is bound to an action in the view."""
@@ -96,7 +96,7 @@ class Devices:
             self.keyboard.release_all()
         pad = self.pads.poll()
         before, self.name = self.name, KEYBOARD if pad is None else pad.name
-        changed = f"{self.name} connected." if pad else "Gamepad gone: keyboard and mouse drive."
+        changed = f"{self.name} connected." if pad else "Gamepad disconnected: use keyboard and mouse."
         intent = self.mapper.read(
             self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take, listed,
             settings.pad_buttons, settings.keys,

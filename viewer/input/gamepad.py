@@ -15,10 +15,10 @@ BUTTONS = (
     "left_thumb", "right_thumb", "dpad_up", "dpad_right", "dpad_down", "dpad_left",
 )  # fmt: skip
 MAX_MAPPING_BYTES = 4_000_000
-FULL_STICK_RADIUS = 0.95  # length of a stick that is all the way out
-# a raw axis counts once it was seen this near its middle: dead and shifted axes never do
+FULL_STICK_RADIUS = 0.95  # length of a fully deflected stick
+# a raw axis counts once it was seen this near its centre: dead and shifted axes never do
 _REST_DISTANCE = 0.3
-_MAX_RELEASED = -0.7  # a raw trigger counts once it was seen below: what rests in its middle there is none
+_MAX_RELEASED = -0.7  # a raw trigger counts once it was seen below; resting axes are not triggers
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class GlfwGamepads:
         pointer, count = self.glfw.get_joystick_axes(pad)
         button_pointer, button_count = self.glfw.get_joystick_buttons(pad)
         if count < 4 or button_count < 6:
-            return None  # a wheel, a sensor or a keyboard that calls itself a joystick
+            return None  # a wheel, a sensor or a keyboard that reports as a joystick
         triggers, right = ((2, 5), 3) if count >= 6 else ((), 2)
         live = self._live_axes.setdefault(pad, set())
         axes = [_axis(i, float(pointer[i]), i in triggers, live) for i in range(count)]
@@ -118,16 +118,16 @@ class GlfwGamepads:
         if good:
             self.glfw.update_gamepad_mappings("\n".join(good) + "\n")
         bad = len(said) - len(good)
-        return f"{path}: {bad} lines are no SDL gamepad mapping and were left out." if bad else ""
+        return f"{path}: {bad} lines are not SDL gamepad mappings and were ignored." if bad else ""
 
 
 def _is_mapping(line: str) -> bool:
-    """Return whether a line looks like an SDL mapping: glfw takes garbage too."""
+    """Return whether a line looks like an SDL mapping; glfw accepts anything."""
     return line.count(",") >= 2 and "\0" not in line
 
 
 def _axis(number: int, value: float, trigger: bool, live: set[int]) -> float:
-    """Return the value of a raw axis, or the value at rest until the axis was seen there."""
+    """Return the value of a raw axis, or its rest value until the axis was seen there."""
     if value < _MAX_RELEASED if trigger else abs(value) < _REST_DISTANCE:
         live.add(number)
     return value if number in live else -float(trigger)

@@ -1,4 +1,4 @@
-"""Sends the poses that are shown to another program, without waiting for it."""
+"""Sends the shown poses to another program, without waiting for it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ MAGIC = b"SPRT"
 VERSION = 1
 SKELETON, POSE = 1, 2
 _HEADER = struct.Struct("<4sBBHII")  # magic, version, kind, joints, sequence, skeleton
-_ROOT = struct.Struct("<d3f")  # seconds, position of the uppermost joint
+_ROOT = struct.Struct("<d3f")  # seconds, position of the root joint
 _JOINT = struct.Struct("<h3fB")  # parent, offset, bytes of the name
 _SEQUENCES = 1 << 32
-ANNOUNCE_S = 1.0  # a receiver that comes later knows the skeleton after so long
+ANNOUNCE_S = 1.0  # interval, after which a receiver that joins later knows the skeleton
 STEP_S = 1.0 / 60.0  # between poses of the simulation
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 9763
 _FORM = "Write an IP address and a port, such as 127.0.0.1:9763."
@@ -132,7 +132,7 @@ class LiveLink:
             self._socket = socket.socket(family, socket.SOCK_DGRAM)
         except OSError as error:
             raise UsageError(f"{self.name}: {error.strerror or error}.", "Use 127.0.0.1.") from error
-        self._socket.setblocking(False)  # a full buffer must not hold up a frame
+        self._socket.setblocking(False)  # a full buffer must not delay a frame
         self._joints, self._size = skeleton_joints(SPORT_SKELETON), 1.0
         self.sent = self.dropped = 0
         self._motion_s, self._announced_s = 0.0, -math.inf
@@ -176,13 +176,13 @@ class LiveLink:
             self._send_pose([pose_message(pose, number, self.sent + self.dropped, self._motion_s)], step_s)
 
     def _send_pose(self, messages: Sequence[bytes], step_s: float) -> None:
-        """Send a pose; it counts as sent when all its messages were."""
+        """Send a pose; it counts as sent if all its messages were."""
         went = all([self._send(message) for message in messages])
         self._motion_s += step_s
         self.sent, self.dropped = self.sent + went, self.dropped + (not went)
 
     def _send(self, data: bytes) -> bool:
-        """Send a message and return whether the system took it; any failure but a full buffer ends the link, and is told."""
+        """Send a message; return whether the system accepted it. Any failure but a full buffer ends the link, with a message."""
         if self._socket is None:
             return False
         try:

@@ -1,6 +1,6 @@
-"""The VMC protocol: the shown pose for every program that receives it, as OSC messages over UDP.
+"""The VMC protocol: sends the shown pose as OSC messages over UDP.
 
-https://protocol.vmc.info: Unity's axes (left-handed, the character's right on +X), names of Unity's HumanBodyBones.
+https://protocol.vmc.info: Unity's axes (left-handed, the character's right on +X) and names of Unity's HumanBodyBones.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from runtime.skeleton import SPORT_SKELETON
 from viewer.live.link import STEP_S, Address, LiveLink
 
 VMC_PORT = 39539
-MAX_BYTES = 1400  # of a datagram that no network splits
-# joints that are bones of a humanoid, and the bone above each; -1: the root
+MAX_DATAGRAM_BYTES = 1400  # of a datagram that networks do not split
+# joints that are humanoid bones, and each one's parent bone; -1: the root
 _NAMES = {ours: bone for ours, bone in ENGINES["unity"].bones.items() if ours != "Root"}
 JOINTS = tuple(SPORT_SKELETON.index(name) for name in _NAMES)
 BONES = tuple(_NAMES.values())
@@ -52,12 +52,12 @@ def osc_message(address: str, *values: str | float) -> bytes:
 
 
 def osc_bundles(messages: Sequence[bytes]) -> list[bytes]:
-    """Pack messages into bundles of at most `MAX_BYTES`, to be applied at once; five times as fast as python-osc."""
+    """Pack messages into bundles of at most `MAX_DATAGRAM_BYTES`, to be applied at once; five times as fast as python-osc."""
     head = b"#bundle\0" + struct.pack(">Q", 1)
     bundles = [head]
     for message in messages:
         part = struct.pack(">i", len(message)) + message
-        if len(bundles[-1]) + len(part) > MAX_BYTES:
+        if len(bundles[-1]) + len(part) > MAX_DATAGRAM_BYTES:
             bundles.append(head)
         bundles[-1] += part
     return bundles
@@ -81,7 +81,7 @@ def vmc_messages(pose: Pose, seconds: float, root: Place = ORIGIN) -> list[bytes
 
 
 def _unity(place: Place, above: Place) -> list[float]:
-    """Return a place relative to the one above it as x, y, z and a rotation x, y, z, w in Unity's axes."""
+    """Return a transform relative to its parent as x, y, z and a rotation x, y, z, w in Unity's axes."""
     back = rotations.inverse(above[1])
     x, y, z = rotations.rotate(back, place[0] - above[0]).tolist()
     w, i, j, k = rotations.multiply(back, place[1]).tolist()
@@ -95,7 +95,7 @@ class VmcLink(LiveLink):
     name: str = "VMC"
     receivers: str = "Unity, Warudo, VSeeFace and other VMC receivers"
     address: Address = field(default_factory=lambda: Address(port=VMC_PORT))
-    on_root: bool = False  # the way over the ground is the root's, and the hips stay above it
+    on_root: bool = False  # movement over the ground is sent as the root's, and the hips stay above it
 
     def publish(self, poses: Sequence[Pose], step_s: float = STEP_S, size: float = 1.0) -> None:
         """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off.

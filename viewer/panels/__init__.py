@@ -1,1 +1,1 @@
-"""Panels that show the session and what lies around it."""
+"""Panels of the session and its surroundings."""

@@ -1,4 +1,4 @@
-"""The first minute: five steps that tick themselves off, shown once, and gone when skipped or done."""
+"""First-run guide: five steps that are ticked off as they are done; shown once, until skipped or finished."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from viewer.settings import Settings
 
 ARMS = ("left_arm", "right_arm")
 WALK_SECONDS = 1.0
-DONE_SECONDS = 6.0  # that the finished list stays
+DONE_SECONDS = 6.0  # for which the finished list stays
 STEPS = (
     ("Walk", "W A S D or the left stick"),
     ("Prompt", "Press Enter and type, for example: an old king"),
-    ("Edit an arm", "Under Body parts: other words for an arm, then Enter"),
+    ("Edit an arm", "Under Body parts, type other words for an arm, then Enter"),
     ("Record", "R starts a take, R ends it"),
     ("Export", "Under Takes, or Ctrl+E for every format"),
 )
-WIDTH_PX, SMALL_WIDTH_PX = 210.0, 150.0  # pixels at scale 1
+WIDTH_PX, SMALL_WIDTH_PX = 210.0, 150.0  # at scale 1
 BELOW_BAR_PX = 50.0
 SMALL_VIEW_PX = 560.0
-MIN_VIEW_HEIGHT_PX = 330.0  # a lower view keeps its room
+MIN_VIEW_HEIGHT_PX = 330.0  # hidden in a lower view
 
 
 @dataclass
@@ -36,10 +36,10 @@ class Guide:
     editor: Editor
     bvh: BvhExport
     shown: bool = False
-    done: int = 0  # bits
+    done: int = 0  # bit mask of the steps
     _walked_s: float = 0.0
     _left_s: float = DONE_SECONDS
-    _first_prompt: str = ""  # the prompt that was there at the beginning
+    _first_prompt: str = ""  # the prompt at the beginning
     _takes: int = 0
 
     def begin(self) -> None:
@@ -64,7 +64,7 @@ class Guide:
         """Tick off the steps that the user has done; call once per frame."""
         if not self.shown:
             return
-        self.settings.first_minute_seen = True  # it was seen: it does not come back by itself
+        self.settings.first_minute_seen = True  # it does not come back by itself
         self._walked_s += dt * moving
         self._first_prompt = self._first_prompt or self._prompt  # the first answer comes by itself
         answer, takes = self.editor.session.live.prompt.a, self.editor.session.takes
@@ -94,7 +94,7 @@ def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
 
 def _draw(guide: Guide, view: Rect) -> None:
     small = min(view.height, view.width) < px(SMALL_VIEW_PX)
-    # in a small view next to the feet, where it covers no head
+    # in a small view beside the feet, so that no head is covered
     width = SMALL_WIDTH_PX if small else WIDTH_PX
     with panels.card("First minute", view, width, bottom=small, below=BELOW_BAR_PX, behind=True):
         left = [step for step in range(len(STEPS)) if not guide.is_done(step)]
@@ -102,7 +102,7 @@ def _draw(guide: Guide, view: Rect) -> None:
             place = f"{left[0] + 1} of {len(STEPS)}"
             widgets.label(f"Step {place}" if small else f"The first minute, step {place}", theme.ACCENT)
         else:
-            widgets.muted("That is all. The session menu gives it a name.", wrap=True)
+            widgets.muted("Done. Name the session in its menu.", wrap=True)
         for step in left[:1] if small else range(len(STEPS)):
             _step(step, step not in left, step in left[:1])
         if widgets.button("Skip##guide" if left else "Close", -1):

@@ -1,4 +1,4 @@
-"""Two windows: what a defect has closed, with its report; and the work of a run that was cut off."""
+"""Two windows: the report of an internal error, and the offer to restore an interrupted session."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from viewer.messages import Messages
 from viewer.session.sessions import OPENING, Sessions, SessionSummary
 from viewer.session.summaries import describe
 
-WIDTH_PX, REPORT_HEIGHT_PX = 560.0, 220.0  # pixels at scale 1
+WIDTH_PX, REPORT_HEIGHT_PX = 560.0, 220.0  # at scale 1
 
 
 def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Panel:
@@ -28,21 +28,21 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
         if defect is None:
             return
         widgets.muted(
-            f"The program met a defect while {defect.doing}. What it was about is closed, the rest goes on.",
+            f"An internal error occurred while {defect.doing}. The affected part was closed; everything else keeps running.",
             wrap=True,
         )
-        kept = sessions.editor.file.problem or f"Your work is kept: the session {sessions.name} is written."
+        kept = sessions.editor.file.problem or f"Your work is safe: the session {sessions.name} is written."
         widgets.text(
             printable(kept), theme.ERROR if sessions.editor.file.problem else theme.ACCENT, wrap=True
         )
-        where = "It could not be written." if defect.path is None else printable(defect.path)
+        where = "It could not be saved." if defect.path is None else printable(defect.path)
         widgets.label(f"Report: {where}")
         room = imgui.ImVec2(-1, px(REPORT_HEIGHT_PX))
         imgui.input_text_multiline("##report", defect.report, room, imgui.InputTextFlags_.read_only)
         copy = partial(imgui.set_clipboard_text, defect.report)
         show = None if defect.path is None else partial(messages.show_in_folder, defect.path)
         widgets.buttons(
-            ("Copy the report", "To send it to those who make the program", copy),
+            ("Copy the report", "To send it to the developers", copy),
             ("Show in folder##report", "", show),
             ("Continue##defect", "", defects.dismiss),
             primary=2,
@@ -56,10 +56,10 @@ def defect_panel(defects: Defects, sessions: Sessions, messages: Messages) -> Pa
 
 @dataclass
 class CutOffWindow:
-    """Offers to restore a session that was cut off, once at startup."""
+    """Offers to restore an interrupted session, once at startup."""
 
     sessions: Sessions
-    left: SessionSummary | None = None  # what is offered, while the window is open
+    left: SessionSummary | None = None  # the offered session, while the window is open
 
     def begin(self) -> None:
         """Open the window if there is such a session."""
@@ -77,10 +77,10 @@ class CutOffWindow:
 
     def _draw(self, _: Rect) -> None:
         sessions, left = self.sessions, self.left
-        if left is None or left.path == sessions.editor.file.path:  # it was opened elsewhere
+        if left is None or left.path == sessions.editor.file.path:  # it has been opened elsewhere
             self.left = None
             return
-        imgui.text_wrapped("The last run ended without being closed. Its work is kept:")
+        imgui.text_wrapped("The program was not closed properly. Your work is safe:")
         widgets.text(printable(describe(left)), theme.ACCENT, wrap=True)
 
         def reopen() -> None:
@@ -91,12 +91,12 @@ class CutOffWindow:
             sessions.discard(left)
             self.left = None
 
-        # a file that the user named is not removed from here
+        # a file that the user named is not deleted here
         named = sessions.cut_off is None or left.path != sessions.cut_off.path
         with widgets.disabled(sessions.jobs.busy(OPENING)):
             widgets.buttons(
-                ("Reopen##cut off", "Open it again with all that was recorded", reopen),
+                ("Reopen##cut off", "Reopen it with everything recorded", reopen),
                 ("Later##cut off", "It stays under Takes and in the session's menu", self.close),
-                ("Discard##cut off", "Remove it for good", None if named else discard),
+                ("Discard##cut off", "Delete it permanently", None if named else discard),
                 primary=0,
             )

@@ -1,4 +1,4 @@
-"""The scene panel: ground, camera, what is shown, and how it is drawn."""
+"""The scene panel: ground, camera, overlays, and rendering."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from viewer.session.takes import Takes
 from viewer.settings import CAMERAS, LOOKS, QUALITIES, VIEWS, Settings
 
 _SHAPES = {"height": "Height", "legs": "Legs", "shoulders": "Shoulders"}
-_SHAPE_RANGE = (60.0, 150.0)  # % of its own
+_SHAPE_RANGE = (60.0, 150.0)  # percent of the default measure
 _SHOWN = ("show_trajectory", "show_skeleton", "show_contacts", "show_grid", "show_ghosts", "show_trails")
 
 
@@ -38,7 +38,7 @@ class ScenePanel:
     cameras: CameraKeys
     open_files: Callable[[list[Path]], None]
     browse: Callable[[], None]  # asks for a file to open
-    draw_pins: Callable[[float], None]  # the button, of a width, for pins of the live character
+    draw_pins: Callable[[float], None]  # draws the button, of a width, for pins of the live character
 
     def panel(self) -> Panel:
         return Panel("Scene", PanelPlace.RIGHT_TOP, self._draw, ICON.scene, actions=self.scene.actions)
@@ -58,14 +58,14 @@ class ScenePanel:
         self.path.draw(self.draw_pins)
 
     def _links(self) -> None:
-        """Where poses are sent."""
+        """Draw where poses are sent."""
         _links(self.scene.live, self.scene.vmc)
         if imgui.begin_popup_context_item("vmc root"):
             widgets.setting_toggle(self.scene.settings, "vmc_root", px(160))
             imgui.end_popup()
 
     def _camera(self) -> None:
-        """Draw how the camera goes along; of a take with camera keys also as they say."""
+        """Draw the camera mode; for a take with camera keys also the keyed camera."""
         now = "keyed" if self.cameras.through else self.scene.camera.mode
         options = [*CAMERAS.items(), ("keyed", "Keyed")]
         mode = widgets.segmented("camera", options, now, () if self.cameras.keys else ("keyed",))
@@ -80,10 +80,10 @@ class ScenePanel:
         imgui.set_next_item_width(-load_width - imgui.get_frame_height() - px(8))
         entered, scene.file_path = widgets.input_text("##path", scene.file_path, "PNG, OBJ, GLB, VRM, BVH")
         widgets.same_line()
-        if widgets.icon_button(ICON.folder, "browse file", "Choose by a dialog", theme.TEXT):
+        if widgets.icon_button(ICON.folder, "browse file", "Browse…", theme.TEXT):
             self.browse()
         widgets.same_line()
-        hint = "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH), as by dropping a file"
+        hint = "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH), as when dropping a file"
         load = widgets.button("Open", load_width, hint)
         path = scene.file_path.strip().strip('"')
         if (entered or load) and path:
@@ -126,7 +126,7 @@ def _character(scene: Scene) -> None:
         if scene.editor.session.character.shape != BodyShape() and widgets.button("Its own shape", -1):
             scene.set_shape(BodyShape())
     elif not chosen and scene.character_path is not None:
-        if widgets.button("Joints…", px(80), "Which joint of this character plays which of ours"):
+        if widgets.button("Joints…", px(80), "Map this character's joints to the SPORT skeleton"):
             scene.joints.begin(scene.character_path)
         widgets.same_line()
         widgets.setting_toggle(scene.settings, "fit_to_motion", -1)
@@ -148,7 +148,7 @@ def _unit(scene: Scene) -> None:
 
 
 def _shape(scene: Scene) -> None:
-    """Draw the mannequin's measures; it is made again when the mouse lets go."""
+    """Draw the mannequin's measures; it is rebuilt when the mouse is released."""
     shape = scene.editor.session.character.shape
     for name, text in _SHAPES.items():
         percent = 100.0 * getattr(shape, name)
@@ -162,14 +162,14 @@ def _shape(scene: Scene) -> None:
 
 
 def _views(scene: Scene) -> None:
-    # "top" has a key; there is no room for a button
+    # "top" has a key, but no room for a button
     shown = [(name, text) for name, text in VIEWS.items() if name != "top"]
     widgets.buttons(
         *(
-            (f"{text}##view {name}", f"The character from there ({key})", partial(scene.view, name))
+            (f"{text}##view {name}", f"View from this direction ({key})", partial(scene.view, name))
             for key, (name, text) in enumerate(shown, 1)
         ),
-        ("Frame##frame", "Bring the whole character into the middle (0)", scene.frame_character),
+        ("Frame##frame", "Frame the whole character (0)", scene.frame_character),
     )
 
 
@@ -209,7 +209,7 @@ def _drawing(scene: Scene) -> None:
 
 
 def _links(*links: LiveLink) -> None:
-    """Buttons side by side that stay lit while poses are sent."""
+    """Draw buttons side by side that stay lit while poses are sent."""
     width = widgets.column_width(len(links))
     for number, link in enumerate(links):
         if number:

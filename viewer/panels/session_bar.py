@@ -1,4 +1,4 @@
-"""The bar over the view: the session's menu and its name."""
+"""The bar at the top of the view: session menu and name."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from viewer.session.sessions import Sessions, SessionSummary
 from viewer.session.summaries import describe, time_text
 
 POPUP = "session menu"
-NAME_WIDTH = 130.0  # with its icon, pixels at scale 1
-MENU_WIDTH = 240.0
+NAME_WIDTH_PX = 130.0  # including its icon, at scale 1
+MENU_WIDTH_PX = 240.0
 MARGIN_PX = 10.0
-MAX_PICTURE = 512  # pixels of a side
+MAX_PICTURE_PX = 512  # pixels per side
 MAX_LISTED_LOST = 30  # takes
-MIN_VIEW = 200.0  # a narrower view has no room for the bar
-# plain numbers: Python 3.11.2, Debian 12's, raises where two of these keys are joined as the enumeration they are
+MIN_VIEW_WIDTH_PX = 200.0  # a narrower view has no room for the bar
+# integers, because Python 3.11.2 (Debian 12) raises when combining two of these keys as enumeration members
 _CTRL, _SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
 _SAVE, _OPEN, _EXPORT = (_CTRL | int(key) for key in (imgui.Key.s, imgui.Key.o, imgui.Key.e))
 _SAVE_AS = _SHIFT | _SAVE
@@ -43,7 +43,7 @@ class SessionBar:
     guide: Guide
     settings_window: SettingsWindow
     ctx: Any  # OpenGL context
-    _pictures: dict[Path, Any] = field(default_factory=dict)  # textures of earlier sessions
+    _pictures: dict[Path, Any] = field(default_factory=dict)  # textures of recent sessions
 
     def panel(self) -> Panel:
         """Return the bar's panel, with the Ctrl shortcuts."""
@@ -51,7 +51,7 @@ class SessionBar:
 
     def draw(self, view: Rect) -> None:
         """Draw the bar at the top left of the view, and its menus."""
-        if view.width < px(MIN_VIEW):
+        if view.width < px(MIN_VIEW_WIDTH_PX):
             return
         imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN_PX), view.y + px(MARGIN_PX)))
         imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(4), px(4)))
@@ -81,8 +81,8 @@ class SessionBar:
         sessions = self.sessions
         file, cut_off = sessions.editor.file, sessions.cut_off is not None
         mark = f"  {ICON.warning}" if file.problem or cut_off else ""
-        label = widgets.named(f"{ICON.folder} {sessions.name}", "#session", mark, NAME_WIDTH)
-        hint = "Session: open, save, earlier ones. Every edit is saved at once."
+        label = widgets.named(f"{ICON.folder} {sessions.name}", "#session", mark, NAME_WIDTH_PX)
+        hint = "Session: open, save, recent ones. Every edit is saved at once."
         if sessions.path is not None:
             hint = f"{printable(sessions.path)}\nEvery edit is saved at once."
         if widgets.button(label, 0.0, file.problem or hint):
@@ -94,7 +94,7 @@ class SessionBar:
     def _menu(self) -> None:
         corner = imgui.get_window_pos()
         imgui.set_next_window_pos(imgui.ImVec2(corner.x, corner.y + imgui.get_window_height() + px(4)))
-        low, high = imgui.ImVec2(px(MENU_WIDTH), 0), imgui.ImVec2(px(420), px(2000))
+        low, high = imgui.ImVec2(px(MENU_WIDTH_PX), 0), imgui.ImVec2(px(420), px(2000))
         imgui.set_next_window_size_constraints(low, high)
         if not imgui.begin_popup(POPUP):
             return
@@ -181,19 +181,19 @@ class SessionBar:
 
 
 def _items(*items: tuple[str, str, Callable[[], object] | None]) -> None:
-    """Draw lines of a menu: text, key and action; one without an action is disabled."""
+    """Draw menu entries: text, key and action; one without an action is disabled."""
     for text, key, act in items:
         if imgui.menu_item(text, key, False, act is not None)[0] and act is not None:
             act()
 
 
 def _texture(ctx: Any, png: bytes) -> Any:
-    """Return a texture of a small picture; None for what is none."""
+    """Return a texture of a small picture; None if it is invalid."""
     from PIL import Image
 
     try:
         with Image.open(io.BytesIO(png)) as image:
-            if max(image.size) > MAX_PICTURE:
+            if max(image.size) > MAX_PICTURE_PX:
                 return None
             small = image.convert("RGB")
     except (OSError, ValueError, SyntaxError):

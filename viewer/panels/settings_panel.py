@@ -33,7 +33,7 @@ RESET = (
     "ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "navigation", "pad_buttons", "keys",
     "exact_legs",
 )  # fmt: skip
-WIDTH_PX = 470.0  # pixels at scale 1
+WIDTH_PX = 470.0  # at scale 1
 SCALES = (
     (0.0, "As the monitor says"), (0.75, "75 %"), (1.0, "100 %"), (1.25, "125 %"), (1.5, "150 %"), (2.0, "200 %"),
     (3.0, "300 %"),
@@ -42,7 +42,7 @@ SCALES = (
 
 @dataclass
 class SettingsWindow:
-    """The settings window: what it needs, and whether it is open."""
+    """The settings window: its dependencies, and whether it is open."""
 
     settings: Settings
     messages: Messages
@@ -93,10 +93,10 @@ class SettingsWindow:
         settings = self.settings
         self._interface()
         self._export_folder()
-        widgets.row("Seconds kept", "How much T keeps")
+        widgets.row("Seconds kept", "Length of takes kept with T")
         widgets.setting_slider(settings, "keep_seconds")
         self._model()
-        widgets.row("Navigation", "Mouse in the view as in another program")
+        widgets.row("Navigation", "Mouse navigation as in another program")
         widgets.setting_choice(settings, "navigation")
         widgets.row("Dead zone", "Of the gamepad's sticks")
         widgets.setting_slider(settings, "dead_zone")
@@ -121,7 +121,7 @@ class SettingsWindow:
 
     def _interface(self) -> None:
         settings = self.settings
-        widgets.row("Interface", "Size of everything; at the next frame")
+        widgets.row("Interface", "Size of the whole interface")
         scale = float(str(widgets.combo("##ui scale", SCALES, settings.ui_scale)))
         if scale != settings.ui_scale:
             settings.ui_scale = scale
@@ -138,7 +138,7 @@ class SettingsWindow:
         if text.strip() and text != printable(settings.export_folder):
             settings.export_folder = text.strip()
         widgets.same_line()
-        if widgets.icon_button(ICON.folder, "browse folder", "Choose by a dialog", theme.TEXT):
+        if widgets.icon_button(ICON.folder, "browse folder", "Browse…", theme.TEXT):
 
             def chosen(path: Path) -> None:
                 settings.export_folder = under_home(path)
@@ -148,7 +148,7 @@ class SettingsWindow:
             self.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
 
     def _bindings(self, setting: str, table: Mapping[Action, str], texts: Mapping[str, str]) -> None:
-        """Draw what each button or key does; one that is taken is exchanged, which is said."""
+        """Draw the action of each button or key; binding one in use swaps the two, with a message."""
         changes = getattr(self.settings, setting)
         for action, key in bound(table, changes).items():
             widgets.row(_named(action))
@@ -157,7 +157,7 @@ class SettingsWindow:
                 changes, had = rebound(table, changes, action, chosen)
                 setattr(self.settings, setting, changes)
                 others = " and ".join(map(_named, had))
-                gets = f" {others} had it, and gets {texts[key]}." if had else ""
+                gets = f" {others} is now on {texts[key]}." if had else ""
                 self.messages.note(f"{_named(action)}: {texts[chosen]}.{gets}")
 
     def _model(self) -> None:
@@ -190,6 +190,6 @@ def choices() -> tuple[tuple[Path, str], ...]:
 
 
 def use_of(folder: Path) -> str:
-    """Return in a few words what the licence of a shipped model allows; ModelError if its metadata is damaged."""
+    """Return a short statement of a shipped model's licence terms; ModelError if its metadata is damaged."""
     licence = str(read_metadata(folder).get("notes", {}).get("licence", ""))
     return FREE if licence.startswith("CC BY 4.0") else BOUND

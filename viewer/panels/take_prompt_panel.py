@@ -1,4 +1,4 @@
-"""The prompt of the take that plays, in the place of the live one: that of the frame shown."""
+"""The prompt panel of the playing take, in place of the live one, with the prompt at the frame shown."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def draw(editing: Resimulation) -> None:
 
 
 def _restyle(editing: Resimulation) -> None:
-    """Draw a prompt for a motion that has none, which is walked again by it."""
+    """Draw a prompt field for a motion without prompts, to restyle it."""
     if editing.shown is not None:
         editing.shown, editing.prompt = None, ""
     widgets.muted("This motion has no prompt. Type one to walk its path again in another style.", wrap=True)
@@ -59,7 +59,7 @@ def _restyle(editing: Resimulation) -> None:
         _hold(editing)
         if widgets.button(f"{ICON.wand} Restyle", -1, primary=True) or entered:
             restyle(editing, editing.prompt)
-    widgets.muted("The new take lies beside it, on the ground that is shown.", wrap=True)
+    widgets.muted("The new take is added to the list, on the ground shown.", wrap=True)
 
 
 def _fill(editing: Resimulation, mark: Mark) -> None:
@@ -95,6 +95,6 @@ def _parts(editing: Resimulation, index: int, mark: Mark, fixed: bool) -> None:
 
 
 def _hold(editing: Resimulation) -> None:
-    """Pause while a field is typed into: playing on would put other words under the hand."""
+    """Pause while a field is edited: playing on would switch to another prompt's text."""
     if imgui.is_item_active() and editing.playback is not None:
         editing.playback.playing = False

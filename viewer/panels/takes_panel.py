@@ -1,4 +1,4 @@
-"""The takes panel: record, the list, and export."""
+"""The takes panel: recording, list, and export."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from viewer.session.summaries import describe
 from viewer.session.takes import Takes
 from viewer.settings import TAKE_ORDERS, Settings
 
-ROWS, ROW_PX = 6, 25.0  # that the list keeps, and the height of one in pixels at scale 1
+ROWS, ROW_PX = 6, 25.0  # minimum rows of the list, and the height of one at scale 1
 RENAME_HINT = "Double-click renames it"
 MENU = "take menu"
 COLORS = ("No color", "Red", "Yellow", "Green", "Blue", "Violet")
@@ -69,11 +69,11 @@ def draw(panel: TakesPanel) -> None:
     if takes.searchable:
         _search(takes)
     line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
-    # in a low panel the list and the button matter; rate and unit are in the export window too
+    # in a low panel the list and the button matter most; rate and unit are in the export window too
     short = room < _export_height(False) + px(ROWS * ROW_PX)
     current = takes.session.current
     height = max(room - (_export_height(short) if current is not None else 0.0), line)
-    # also while it has no scrollbar
+    # also without a scrollbar
     width = imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size
     imgui.set_next_window_content_size(imgui.ImVec2(max(width, 1.0), 0))
     if imgui.begin_child("take list", imgui.ImVec2(0, height)):
@@ -93,8 +93,8 @@ def _cut_off(sessions: Sessions) -> None:
     widgets.fitted(f"Cut off: {printable(describe(left))}", width - px(26), theme.TEXT)
     with widgets.disabled(sessions.jobs.busy(OPENING)):
         widgets.buttons(
-            ("Reopen", "Open it again with all that was recorded", partial(sessions.open, left.path)),
-            ("Discard", "Remove it for good", partial(sessions.discard, left)),
+            ("Reopen", "Reopen it with everything recorded", partial(sessions.open, left.path)),
+            ("Discard", "Delete it permanently", partial(sessions.discard, left)),
             primary=0,
         )
     imgui.separator()
@@ -107,7 +107,7 @@ def _record(takes: Takes) -> None:
     text = stop if recording else f"{ICON.record} Record"
     with (
         widgets.color(imgui.Col_.button, theme.RECORD if recording else theme.FIELD),
-        # red words on red could not be read
+        # red text on red would be unreadable
         widgets.color(imgui.Col_.button_hovered, (*theme.RECORD[:3], 0.8 if recording else 0.2)),
         widgets.color(imgui.Col_.text, theme.TEXT if recording else theme.RECORD),
     ):
@@ -152,7 +152,7 @@ def _search(takes: Takes) -> None:
     side = imgui.get_frame_height()
     imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
     _, takes.search = imgui.input_text_with_hint("##search takes", f"{ICON.search} Search", takes.search)
-    widgets.tooltip("Words of names, notes and prompts; *** finds three stars and more")
+    widgets.tooltip("Words of names, notes and prompts; *** finds three or more stars")
     widgets.same_line()
     order = takes.settings.takes_order
     tint = theme.ACCENT if order else theme.MUTED
@@ -176,7 +176,7 @@ def _export_all(bvh: BvhExport, width: float) -> None:
 
 
 def _name_field(takes: Takes, take: Take) -> None:
-    """Draw the row as a field for another name or a note: Enter takes it, Esc or a click elsewhere leaves it."""
+    """Draw the row as a field for a new name or a note: Enter accepts it, Esc or a click elsewhere cancels."""
     widgets.full_width()
     first = imgui.is_window_appearing() or takes.naming_begins
     if first:
@@ -193,7 +193,7 @@ def _name_field(takes: Takes, take: Take) -> None:
 
 
 def _row(panel: TakesPanel, take: Take) -> None:
-    """Draw play, name, length, remove; a click anywhere selects."""
+    """Draw play button, name, length and remove button; a click anywhere selects."""
     takes = panel.takes
     width, square = imgui.get_content_region_avail().x, imgui.get_frame_height()
     corner, start = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
@@ -226,7 +226,7 @@ def _row(panel: TakesPanel, take: Take) -> None:
 
 
 def _facts(panel: TakesPanel, take: Take) -> str:
-    """Return rating, whether there is a note and a file, and the length."""
+    """Return rating, marks for a note and a file, and the length."""
     first, last = take.range
     rating = f"{take.rating}{ICON.star}" if take.rating else ""
     marks = rating, ICON.text * bool(take.note), ICON.check * bool(panel.bvh.saved(take))
@@ -234,7 +234,7 @@ def _facts(panel: TakesPanel, take: Take) -> str:
 
 
 def _pick(takes: Takes, selection: Selection, take: Take) -> None:
-    """Select a take; with Ctrl one more or less, with Shift all from the current one on."""
+    """Select a take; with Ctrl add or remove it, with Shift extend the selection to it."""
     io, items = imgui.get_io(), {item.lane: item for item in selection.all([TAKES])}
     if io.key_shift and takes.session.current is not None:
         first, last = sorted((takes.session.index(takes.session.selected), takes.session.index(take.number)))
@@ -246,7 +246,7 @@ def _pick(takes: Takes, selection: Selection, take: Take) -> None:
 
 
 def _row_ground(panel: TakesPanel, take: Take, corner: imgui.ImVec2, width: float) -> None:
-    """Draw what lies under a row: it takes the mouse, and shows whether it is selected and its color."""
+    """Draw the background of a row, which receives the mouse and shows selection and color."""
     takes, selection = panel.takes, panel.selection
     chosen, height = takes.session.selected == take.number, imgui.get_frame_height()
     picked = (TAKES, take.number, 0) in selection.keys
@@ -287,7 +287,7 @@ def _about(bvh: BvhExport, take: Take) -> None:
 
 
 def _newly_selected(take: Take) -> bool:
-    """Return whether another take was the selected one in the frame before."""
+    """Return whether another take was selected in the last frame."""
     storage, key = imgui.get_state_storage(), 1
     known = storage.get_int(key)
     storage.set_int(key, take.number)
@@ -302,7 +302,7 @@ def _take_menu(panel: TakesPanel, take: Take) -> None:
     _choice("Rating", ratings, take.rating, partial(takes.rate, number))
     if widgets.item("Note"):
         takes.begin_rename(number, noting=True)
-    if widgets.item("Mirror", "A second take with left and right exchanged"):
+    if widgets.item("Mirror", "A copy of the take with left and right swapped"):
         takes.mirror(number)
     _compare(takes, references, take)
     _animations(takes, references, take)
@@ -314,7 +314,7 @@ def _take_menu(panel: TakesPanel, take: Take) -> None:
 
 
 def _versions(takes: Takes, take: Take) -> None:
-    """Draw the motions that a take has had, to go back to or to compare with."""
+    """Draw the earlier motions of a take, to restore or compare with."""
     versions = takes.versions(take.number)
     if len(versions) < 2 or not imgui.begin_menu("Versions"):
         return
@@ -322,7 +322,7 @@ def _versions(takes: Takes, take: Take) -> None:
         current = version.motion == take.motion
         now = " (now)" if current else ""
         if imgui.begin_menu(widgets.named(f"{number}. {label}", f"version {number}", now)):
-            if widgets.item("Go back to it", enabled=not current):
+            if widgets.item("Restore it", enabled=not current):
                 takes.go_back_to(version)
             if widgets.item("Compare with it", enabled=not current):
                 takes.compare_with(version)
@@ -339,7 +339,7 @@ def _choice(name: str, choices: Sequence[str], chosen: int, choose: Callable[[in
 
 
 def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:
-    """Draw what to compare the take that plays with; of another take, whether that plays with it."""
+    """Draw the references for the playing take; for another take, whether it is one."""
     playback = takes.playback
     if playback is not None and playback.number == take.number:
         if imgui.begin_menu("Compare with"):
@@ -351,7 +351,7 @@ def _compare(takes: Takes, references: ReferenceCard, take: Take) -> None:
 
 
 def _animations(takes: Takes, references: ReferenceCard, take: Take) -> None:
-    """Draw the animations of the take's file; a chosen one is a further take, compared where this one is."""
+    """Draw the animations of the take's file; a chosen one becomes another take, compared if this one is."""
     path, names = takes.animations.get(take.number, (None, ()))
     if path is None or len(names) < 2 or not imgui.begin_menu("Animations"):
         return

@@ -1,4 +1,4 @@
-"""Who answered a prompt, the nearest prompts with bars of their similarity, and remarks."""
+"""Source of a prompt's answer, the nearest prompts with similarity bars, and remarks."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt.prompt_controller import PromptController, named
 
-NEAR_COSINE = 0.6  # similarity from which a library prompt is near
+NEAR_COSINE = 0.6  # similarity above which a library prompt is near
 BAR_WIDTH_PX = 46.0  # at scale 1
-_ANSWERED = {  # by the source of an answer
+_ANSWERED = {  # by source of an answer
     "library": ("Library", "Composed from the shipped library's nearest prompts"),
     "gpt": ("GPT", "Written by the language model"),
-    "explicit": ("Explicit", "The prompt itself says what the parts do"),
+    "explicit": ("Explicit", "The prompt itself describes the parts"),
 }
 
 
@@ -40,7 +40,7 @@ def draw_answer(
 
 
 def _missing(controller: PromptController, answer: Answer | None, pending: bool) -> str:
-    """Return what is said in the place of an answer that is not there; "" for one to be shown."""
+    """Return the text shown instead of a missing answer; "" if there is an answer."""
     if not controller.available:
         return f"{ICON.warning} Prompts need a motion model."
     if answer is None:
@@ -49,7 +49,7 @@ def _missing(controller: PromptController, answer: Answer | None, pending: bool)
         return f"{ICON.clock} Preparing the style…" if pending else f"{ICON.note} Type a prompt."
     if pending or not answer.prompt or any(box.text.strip() for box in controller.boxes):
         return ""
-    return f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then."
+    return f"{ICON.note} Type a prompt; “{answer.prompt}” stays in force until then."
 
 
 def _who(answer: Answer, pending: bool, model: str, rows: int) -> None:

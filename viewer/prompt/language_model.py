@@ -1,4 +1,4 @@
-"""Who answers prompts, the library or a language model at any compatible endpoint: settings, test, and its popup."""
+"""The choice of who answers prompts, the library or a language model at a compatible endpoint: settings, test, and popup."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LanguageModel:
     key: str = field(default="", repr=False)  # typed here: in memory only, never written
     problem: str = ""  # why the chosen language model cannot be used
     testing: bool = False
-    report: str = ""  # what the last test said
+    report: str = ""  # result of the last test
     report_good: bool = False
     _stop: threading.Event = field(default_factory=threading.Event)
 
@@ -74,7 +74,7 @@ class LanguageModel:
         self.report = ""
         settings, library = self.chosen(), self.library
         if library is None:
-            return  # the model that is being loaded brings its library, and `use` looks at the choice again
+            return  # the model being loaded brings its library, and `use` checks the choice again
 
         def work() -> Expander:
             return library if settings is None else self.services.open_expander(library, settings)
@@ -89,7 +89,7 @@ class LanguageModel:
         self.library = loaded.library
         changed = self.chosen() != given
         if changed:
-            # what waits for the model must not be sent where it was chosen not to go
+            # prompts waiting for the model must not go to an endpoint that is no longer chosen
             for worker in loaded.prompts:
                 worker.use(loaded.library)
         self.controller.use(loaded.prompts, again)
@@ -165,12 +165,12 @@ def _fields(model: LanguageModel) -> None:
     settings = model.settings
     settings.gpt_base_url, other_url = _text("Base URL", "##url", OPENAI_URL, settings.gpt_base_url)
     if has_credentials(settings.gpt_base_url):
-        widgets.label("It may hold a key or a password: it is not kept for the next start.", theme.WARNING)
+        widgets.label("It may contain a key or a password, so it is not saved.", theme.WARNING)
     settings.gpt_model, other_model = _text("Model", "##model", DEFAULT_MODEL, settings.gpt_model)
     none = "none (endpoints of your own may need none)"
     hint = "from OPENAI_API_KEY" if model.key_from_environment else none
     model.key, other_key = _text("API key", "##key", hint, model.key, imgui.InputTextFlags_.password)
-    widgets.label("The key stays in memory: no file, no log, no take has it.")
+    widgets.label("The key stays in memory; it is never written to a file, log or take.")
     widgets.full_width()
     widgets.setting_slider(settings, "gpt_timeout_s")
     if other_url or other_model or other_key or imgui.is_item_deactivated_after_edit():

@@ -1,4 +1,4 @@
-"""Prompts, edited words, locks and blends become edits of the session, and the character's style."""
+"""Applies prompts, edited words, locks and blends to the session and the character's style."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ from viewer.settings import Settings
 
 Measure = Callable[[Any, Any], Shares]  # of the codes of two prompts
 CLOSE_SECONDS = 30.0
-FIRST_STYLE_SECONDS = 1.0  # of the blend from neutral to the first prompt, at most: no hand flies there
-BLOCKING_SECONDS = 60.0  # how long an offscreen run waits for an answer
+FIRST_STYLE_SECONDS = 1.0  # limit of the first transition, from neutral: slow enough that no hand flies
+BLOCKING_SECONDS = 60.0  # an offscreen run's time limit for an answer
 
 
 @dataclass
@@ -54,7 +54,7 @@ class PromptController:
     messages: Messages
     jobs: Jobs
     character: Callable[[], Controller | None]  # the one in use
-    mark: Callable[[PromptBlend, float], None]  # hears what comes into force, for the recorder
+    mark: Callable[[PromptBlend, float], None]  # receives the blend that takes effect, for the recorder
     blocking: bool = False  # offscreen: an answer arrives in the same frame
     boxes: tuple[PromptText, PromptText] = field(default_factory=lambda: (PromptText(), PromptText()))
     parts: dict[str, str] = field(default_factory=lambda: dict.fromkeys(PART_NAMES, ""))  # the six fields
@@ -65,13 +65,13 @@ class PromptController:
     language_model: str = ""  # "model at host" of the one in use, "" when the library answers alone
     first_error: SportError | None = None
     measure: Measure | None = None  # of the model in use; None: blends stay linear
-    _measured: tuple[Any, Any] | None = None  # codes of the pair of prompts that was measured last
-    _shown: PromptBlend = NO_PROMPT  # in the fields, and by which the character moves
-    _file: SessionFile | None = None  # of the session that is shown
-    _exact_legs: bool = True  # as the style in force was made
-    _due_seconds: float | None = None  # a style waits for the character, with this transition
-    _styled: bool = False  # the character has had a style
-    _coding: bool = False  # codes of another model are on their way
+    _measured: tuple[Any, Any] | None = None  # codes of the pair of prompts measured last
+    _shown: PromptBlend = NO_PROMPT  # in the fields and in use by the character
+    _file: SessionFile | None = None  # of the session shown
+    _exact_legs: bool = True  # setting with which the current style was made
+    _due_seconds: float | None = None  # transition time of a style waiting for the character
+    _styled: bool = False  # the character has received a style
+    _coding: bool = False  # codes for another model are being computed
     _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
     def __post_init__(self) -> None:
@@ -160,7 +160,7 @@ class PromptController:
         if held and self.prompt.b is not None:
             self._do("end of the blend", lambda b: b.with_all_weights(0.0))
             names = ", ".join(map(named, sorted(held)))
-            self.messages.note(f"Locked with a weight of prompt B, which they keep: {names}.")
+            self.messages.note(f"Locked parts keep their weight of prompt B: {names}.")
         elif self.prompt.b is not None:
             self._do("end of the blend", lambda b: dataclasses.replace(b, answers=(b.a, None), weights=ALL_A))
         self.boxes[Side.B].text = self.prompt.prompt(Side.B)
@@ -170,7 +170,7 @@ class PromptController:
         self.measure, self._measured = measure, None
 
     def _even_out(self, blend: PromptBlend) -> None:
-        """Have a new pair of prompts measured on a worker thread, so that equal steps of a slider look equal."""
+        """Measure a new pair of prompts on a worker thread, so that equal steps of a slider look equal."""
         if blend.a is None or blend.b is None or blend.shares != LINEAR or not mixes(blend.weights):
             return
         a, b, measure, last = blend.a.z, blend.b.z, self.measure, self._measured
@@ -218,7 +218,7 @@ class PromptController:
         self._change_style(shown, prompt)
 
     def _change_style(self, old: PromptBlend, new: PromptBlend) -> None:
-        """Have the character change from one blend to another: at once while only weights are dragged or measured."""
+        """Change the character from one blend to another, immediately if only weights are dragged or measured."""
         same_weights = old.weights == new.weights
         if not same_answers(old, new):
             self._hand_over_within(self.settings.blend_seconds)
@@ -254,7 +254,7 @@ class PromptController:
         return bool(sides)
 
     def _withdraw(self, side: Side) -> None:
-        """Give up a question in hand; without an answer yet it is as if it had never been submitted."""
+        """Drop a pending question; if still unanswered, it is as if it had never been submitted."""
         question = self.questions[side]
         self._give_up(side)
         if question is None or question.answered:
@@ -274,7 +274,7 @@ class PromptController:
         question.number = question.number or next(self._numbers)
         self.questions[side] = question
         if self.workers is None or self._coding:
-            return  # it waits: parts that are locked keep the codes in force
+            return  # it waits: locked parts keep their codes
         self.workers[side].submit(question.request)
         deadline = time.monotonic() + BLOCKING_SECONDS
         while self.blocking and self.questions[side] and time.monotonic() < deadline:
@@ -302,9 +302,9 @@ class PromptController:
         self._hand_over()
 
     def _take(self, side: Side, question: Question, answer: Answer) -> None:
-        """Put an answer into force: the first is a step of undo, a better one takes its place in every step.
+        """Apply an answer: the first is an undo step, and a better one replaces it in every step.
 
-        The first prompt of all is no step: every step that has none moves by it.
+        The first prompt of a session is not a step: every step without a prompt of its own uses it.
         """
         followed = question.answered
         if followed:
@@ -318,7 +318,7 @@ class PromptController:
             self._report(side, question, answer, followed)
 
     def _report(self, side: Side, question: Question, answer: Answer, followed: bool) -> None:
-        """Say who answered a prompt and which edited words it left alone; the first one answers without a word."""
+        """Report who answered a prompt and which edited words were kept; the first answer is not reported."""
         if question.remembered:
             self.settings.prompt_history = remember(self.settings.prompt_history, question.prompt)
         if self._styled or answer.note:
@@ -328,7 +328,7 @@ class PromptController:
             self.messages.post(*answer_message(answer, quoted(question.prompt), model, followed, kept))
 
     def _hand_over(self) -> None:
-        """Give the style that is due to the character; folding it costs about a millisecond."""
+        """Give the pending style to the character; folding it costs about a millisecond."""
         character = self.character()
         if self._due_seconds is None or character is None or self._coding:
             return
@@ -355,7 +355,7 @@ class PromptController:
         for worker in self.workers or ():
             worker.close()
         self.workers, self.available, self.loading = workers, True, False
-        self._hand_over_within(self.settings.blend_seconds)  # its character has had no style
+        self._hand_over_within(self.settings.blend_seconds)  # its character has no style yet
         if again:
             self.ask_again()
         else:
@@ -394,7 +394,7 @@ class PromptController:
     def answer(self, request: Request) -> Answer:
         """Return the final answer to a prompt or six descriptions, for a take; blocks, so call it on a worker."""
         if self.workers is None:
-            raise PromptError("No model is loaded that could read a prompt.", "Wait until it is there.")
+            raise PromptError("No model is loaded to read a prompt.", "Wait until it is loaded.")
         return self.workers[Side.A].answer(request)
 
     def close(self, seconds: float = CLOSE_SECONDS) -> None:
@@ -405,7 +405,7 @@ class PromptController:
 
 
 def _with_prompt(change: Callable[[PromptBlend], PromptBlend]) -> Change:
-    """Return a change of the live character's prompt as one of the session; the same session where it changes nothing."""
+    """Convert a change of the live character's prompt to a change of the session; the same session if nothing changes."""
 
     def changed(session: Session) -> Session:
         prompt = change(session.live.prompt)

@@ -22,7 +22,7 @@ _CTRL = int(imgui.Key.mod_ctrl)
 _UNDO = _CTRL | int(imgui.Key.z)
 _REDO = _CTRL | int(imgui.Key.y), _UNDO | int(imgui.Key.mod_shift)
 _REPEATED = (imgui.Key.down_arrow, imgui.Key.up_arrow)
-# keys over the list; Enter, at the end, only while a line is chosen
+# keys of the list; Enter, the last one, only while a line is selected
 _TAKEN = (*_REPEATED, imgui.Key.tab, imgui.Key.escape, imgui.Key.enter, imgui.Key.keypad_enter)
 
 
@@ -53,7 +53,7 @@ def draw(
     entered, box.text, size = wrapped_text(name, box.text, lines)
     left, width = imgui.is_item_deactivated(), size.x
     _follow(box, before, field_id, hint)
-    if found and chosen is None:  # also in the frame whose click on the list took the keyboard away
+    if found and chosen is None:  # also in the frame in which a click on the list took the keyboard focus
         position = imgui.ImVec2(corner.x, corner.y + size.y + below + px(3))
         chosen = _list(name, found, box, position, width)
     if chosen is not None:
@@ -114,7 +114,7 @@ def _keys(box: PromptText, found: Sequence[Suggestion], suggester: Suggester, fi
     """Use arrow keys, Tab, Enter and Esc over the list of suggestions; return the prompt that was chosen, else None."""
     if _recall(box, suggester.settings.prompt_history, field_id) or not found:
         return None
-    # a locked key is pressed for no one
+    # a locked key is not delivered to anyone
     pressed = {key for key in _TAKEN if imgui.is_key_pressed(key, key in _REPEATED)}
     picked = box.picked + (imgui.Key.down_arrow in pressed) - (imgui.Key.up_arrow in pressed)
     box.picked = min(max(picked, -1), len(found) - 1)
@@ -129,7 +129,7 @@ def _keys(box: PromptText, found: Sequence[Suggestion], suggester: Suggester, fi
 
 
 def _recall(box: PromptText, history: Sequence[str], field_id: int) -> bool:
-    """Put the last prompt into an empty field by Up, and go back and forth from there; return whether a key was taken."""
+    """Recall previous prompts in an empty field with Up and Down; return whether a key was used."""
     by = int(imgui.is_key_pressed(imgui.Key.up_arrow)) - int(imgui.is_key_pressed(imgui.Key.down_arrow))
     begins = by > 0 and not box.text and box.picked < 0
     if not history or not by or not (begins or box.recalled >= 0):
@@ -149,8 +149,8 @@ def _put(box: PromptText, text: str, field_id: int) -> None:
 
 
 def _lock(keys: Iterable[imgui.Key], field_id: int) -> None:
-    """Keep keys from the text field, and from moving the focus, in this frame."""
-    owner = field_id ^ 1  # anybody but the field
+    """Withhold keys from the text field and the focus navigation in this frame."""
+    owner = field_id ^ 1  # anyone but the field
     for key in keys:
         imgui.internal.set_key_owner(key, owner, imgui.internal.InputFlagsPrivate_.lock_this_frame)
 
@@ -201,7 +201,7 @@ def _list(
 
 
 def _row(suggestion: Suggestion, i: int, box: PromptText, width: float, height: float) -> bool:
-    """Draw one suggestion; return whether it was clicked. The button down takes it: the field loses the keyboard then."""
+    """Draw one suggestion; return whether it was clicked, on button down because the field then loses the focus."""
     corner = imgui.get_cursor_screen_pos()
     imgui.invisible_button(f"##{i}", imgui.ImVec2(width, height))
     hovered = imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_blocked_by_active_item)

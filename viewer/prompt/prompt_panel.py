@@ -29,8 +29,7 @@ from viewer.settings import Settings
 HINT = "How should the character move?\nFor example: an exhausted soldier"
 HINT_B = "A second prompt to blend with"
 EXACT_HINT = (
-    "An exact edit adds what the network does not show of these words."
-    " “Exact edits” in Settings turns it off."
+    "A body edit adds what the network does not show of these words. “Exact edits” in Settings turns it off."
 )
 WEAK_HINT = "The walk shows little of these words. Other words may show more."
 NEAREST_ROWS = 3  # in a tall panel, else one
@@ -52,11 +51,11 @@ class PromptPanel:
     compare: Callable[[], object]  # opens the compare view
     model: str = ""  # the loaded one's name
     search: str = ""
-    tab_requested: str = ""  # "blend": shown from the next frame on
+    tab_requested: str = ""  # "blend": to show in the next frame
     # `weakly_shown` of each part
     _weak: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys(PART_NAMES))
-    _exact: frozenset[str] = frozenset()  # parts whose words an edit shows
-    _weak_of: tuple[object, str] = (None, "")  # answer and model for which that holds
+    _exact: frozenset[str] = frozenset()  # parts whose words are shown by an edit
+    _weak_of: tuple[object, str] = (None, "")  # answer and model for which these hold
 
     def use_model(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:
         """Use the prompt workers of a newly loaded model, opened with the language model settings `given`.
@@ -97,7 +96,7 @@ class PromptPanel:
         self._apply()
         blend = controller.prompt
         rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL_PANEL_PX) else 1
-        # what is below stays where it is when an answer comes
+        # items below keep their place when an answer arrives
         top, line = imgui.get_cursor_pos_y(), imgui.get_text_line_height() + px(3)
         height = line * (1 + max(rows, 2)) + px(4)
         near, flags = "", imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
@@ -130,7 +129,7 @@ class PromptPanel:
 
     def _apply(self) -> None:
         width, text = imgui.get_content_region_avail().x, self.controller.boxes[Side.A].text
-        hint = "Enter in the box does the same; Ctrl+Enter begins a new line"
+        hint = "Enter in the box does the same; Ctrl+Enter starts a new line"
         if widgets.button(f"{ICON.wand} Apply", width * 0.29, hint, primary=True) and text.strip():
             self.controller.submit_prompt(text)
         widgets.same_line()
@@ -144,7 +143,7 @@ class PromptPanel:
         widgets.setting_slider(self.settings, "strength")
 
     def _parts(self) -> None:
-        """Divide the height that is there among the six fields; in less than they need, they scroll."""
+        """Divide the available height among the six fields; they scroll if it is too small."""
         blend, words = self.controller.prompt, part_words(self.controller.prompt)
         if self._weak_of[0] is not blend.a or self._weak_of[1] != self.model:
             self._weak_of = blend.a, self.model
@@ -186,7 +185,7 @@ class PromptPanel:
         imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT_PX + 2)))
 
     def _adherence(self, part: str) -> None:
-        """Mark how far the body does what the words say, where that is worth it."""
+        """Mark how closely the body follows the words, if worth mentioning."""
         weak = self._weak[part]
         if self.settings.exact_legs and part in self._exact:
             _mark("by an exact edit", theme.MUTED)
@@ -218,7 +217,7 @@ class PromptPanel:
         imgui.end_child()
 
     def _choices(self, name: str, texts: list[str]) -> None:
-        imgui.indent(px(6))  # the highlight of a row begins left of its words
+        imgui.indent(px(6))  # a row's highlight begins left of its text
         width = imgui.get_content_region_avail().x
         shown = self.controller.prompt.prompt(Side.A)
         for text in texts:
@@ -231,7 +230,7 @@ class PromptPanel:
 
 
 def _scrolling(name: str, contents: Callable[[], None]) -> None:
-    """Contents that scroll in the height that is left, or with the whole panel where that is too little."""
+    """Contents that scroll in the remaining height, or with the whole panel if that is too small."""
     if imgui.get_content_region_avail().y < px(MIN_LIST_HEIGHT_PX):
         contents()
         return
@@ -267,17 +266,15 @@ def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
 def _part_buttons(
     part: str, said: str, locked: bool, right: imgui.ImVec2, controller: PromptController
 ) -> None:
-    """Reset to what the expander `said` where that was edited, and lock; they end at `right`."""
+    """Draw reset (to the expander's words `said`, if edited) and lock; they end at `right`."""
     size = LABEL_HEIGHT_PX + 3
     if said:
         imgui.set_cursor_pos(imgui.ImVec2(right.x - 2 * px(size) - px(2), right.y))
-        if widgets.icon_button(ICON.original, "reset", f"Back to what was said: “{said}”", size=size):
+        if widgets.icon_button(ICON.original, "reset", f"Reset to “{said}”", size=size):
             controller.reset_part(part)
     imgui.set_cursor_pos(imgui.ImVec2(right.x - px(size), right.y))
     free = "Keep these words when the prompt changes"
-    if _lock_button(
-        "lock", locked, "Locked: the next prompt leaves these words alone" if locked else free, size
-    ):
+    if _lock_button("lock", locked, "Locked: a new prompt keeps these words" if locked else free, size):
         controller.toggle_lock(part)
 
 
@@ -293,7 +290,7 @@ def _part_field(part: str, words: str, height: float, controller: PromptControll
             "##words", typed, imgui.ImVec2(-1, height), prompt_field.WRAPPED
         )
     controller.parts[part] = typed
-    left = imgui.is_item_deactivated_after_edit()  # by Enter, or for something else
+    left = imgui.is_item_deactivated_after_edit()  # by Enter or otherwise
     padding = imgui.get_style().frame_padding
     width = imgui.get_item_rect_size().x - 2 * padding.x
     overflows = imgui.calc_text_size(typed, False, width).y > height - 2 * padding.y + 1.0
@@ -326,7 +323,7 @@ def _blend(controller: PromptController, suggester: Suggester) -> None:
         moved, weight = _weight_slider("All", "all", blend.master_weight)
     if moved:
         controller.set_all_weights(weight)
-    widgets.tooltip("Every part that is not locked")
+    widgets.tooltip("Weight of all unlocked parts")
     imgui.separator()
     words, words_b = part_words(blend), blend.b.words
     for part, weight in zip(PART_NAMES, blend.weights, strict=True):

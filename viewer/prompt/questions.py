@@ -1,4 +1,4 @@
-"""Questions to whoever answers prompts, and what their answers make of a blend and of a session."""
+"""Pending prompt requests, and how their answers change a blend and a session."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from runtime.session.prompt_blend import Answer, PromptBlend, Side
 from runtime.session.session import Session
 from viewer.messages import Level
 
-FIRST_SHARE = 0.5  # of a new prompt B in every part that is not locked, so that it shows
-MAX_LABEL = 40  # characters of a prompt in the name of its step
+FIRST_WEIGHT = 0.5  # weight of a new prompt B in unlocked parts, so that it shows
+MAX_LABEL_LETTERS = 40  # characters of a prompt in its step's label
 Codes = Mapping[PartDescriptions, NDArray[np.float32]]  # (6, 64) of six descriptions
 
 
@@ -26,8 +26,8 @@ class Question:
     """A request on one side, until its final answer arrives."""
 
     request: Request
-    label: str  # of the step of undo
-    remembered: bool = False  # into the list of the last prompts
+    label: str  # of the undo step
+    remembered: bool = False  # in the list of recent prompts
     number: int = 0
     answered: bool = False  # a better answer is on its way
 
@@ -44,7 +44,7 @@ class Question:
 def quoted(prompt: str) -> str:
     """Return a prompt for a step's label: on one line, shortened if long."""
     line = " ".join(prompt.split())
-    return f"“{line if len(line) <= MAX_LABEL else line[: MAX_LABEL - 1] + '…'}”"
+    return f"“{line if len(line) <= MAX_LABEL_LETTERS else line[: MAX_LABEL_LETTERS - 1] + '…'}”"
 
 
 def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
@@ -55,7 +55,7 @@ def with_first_answer(blend: PromptBlend, side: Side, question: Question, answer
         return blend.with_answer(side, words).locking_edits(before)
     kept = answer if before is None else answer.keeping(blend.locked_on(side), before)
     blend = blend.with_answer(side, kept)
-    return blend.with_all_weights(FIRST_SHARE) if side is Side.B and not any(blend.weights) else blend
+    return blend.with_all_weights(FIRST_WEIGHT) if side is Side.B and not any(blend.weights) else blend
 
 
 def with_better_answer(blend: PromptBlend, side: Side, question: Question, answer: Answer) -> PromptBlend:
@@ -122,4 +122,4 @@ def _of_answer(answer: Answer, prompt: str, model: str, followed: bool) -> tuple
     if answer.nearest:
         text, similarity = answer.nearest[0]
         return f"Library: {prompt} is {similarity:.0%} like “{text}”.", Level.NOTE
-    return f"{prompt} itself says what the parts do.", Level.NOTE
+    return f"{prompt} itself describes the parts.", Level.NOTE

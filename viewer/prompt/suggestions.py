@@ -1,4 +1,4 @@
-"""What to suggest while a prompt is typed: matches of words in the frame, nearest by meaning from a worker thread."""
+"""Suggestions while a prompt is typed: word matches at once, nearest in meaning from a worker thread."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from viewer.settings import Settings
 
 MAX_HISTORY = 50
 MAX_SUGGESTIONS = 7
-MAX_RECENT = 2  # of the user's own among the suggestions for typed words
-MIN_NEAR = 2  # lines kept for prompts that mean the like, where there are any
-MIN_SIMILARITY = 0.3  # cosine; less alike is no suggestion
-MIN_CHARACTERS = 3  # typed before the meaning is looked up
+MAX_RECENT = 2  # of the user's own prompts among the suggestions
+MIN_NEAR = 2  # lines reserved for prompts similar in meaning
+MIN_SIMILARITY = 0.3  # cosine below which a prompt is not suggested
+MIN_CHARACTERS = 3  # typed before similar meanings are looked up
 _SLOT = Slot("suggestions")
 
 Nearest = Callable[[str], tuple[tuple[str, float], ...]]
@@ -27,8 +27,8 @@ class PromptText:
     text: str = ""
     focus_requested: bool = False
     suggesting: bool = False  # the list is open
-    picked: int = -1  # line of the list that the arrow keys chose
-    recalled: int = -1  # which of the last prompts stands in the field
+    picked: int = -1  # line selected with the arrow keys
+    recalled: int = -1  # index of the recalled prompt in the field
     near: tuple[tuple[str, float], ...] = ()  # the library's prompts nearest to `near_to`
     near_to: str = ""
 
@@ -64,7 +64,7 @@ class Suggester:
     def suggestions(self, box: PromptText) -> tuple[Suggestion, ...]:
         typed, history = box.text, self.settings.prompt_history
         self._look_up(box, typed)
-        # what was found is still of use while more is typed or taken away
+        # earlier results stay useful while more is typed or deleted
         goes_on = typed.startswith(box.near_to) or box.near_to.startswith(typed)
         near = box.near if box.near_to and goes_on else ()
         key = (typed, near, tuple(history))
@@ -78,12 +78,12 @@ class Suggester:
         if nearest is None or box.near_to == typed or len(typed.strip()) < MIN_CHARACTERS:
             return
         if self.jobs.busy(_SLOT):
-            return  # the newest words are looked up when it is done
+            return  # the newest text is looked up when it is done
 
         def work() -> tuple[tuple[str, float], ...]:
             try:
                 return nearest(typed)
-            except SportError:  # words that no prompt may have; `Apply` says so
+            except SportError:  # invalid text; `Apply` reports it
                 return ()
 
         def done(near: tuple[tuple[str, float], ...]) -> None:

@@ -16,11 +16,11 @@ from runtime.easing import spring
 from runtime.terrain.height_map import PointHeights, Terrain
 
 FOV_Y_RAD = math.radians(38.0)
-LOOK_HEIGHT_M = 0.86  # of the point looked at, over the ground
+LOOK_HEIGHT_M = 0.86  # of the target above the ground
 NEAR_M = 0.1
 FAR_M = 300.0
 ORBIT_RAD_PER_PX = 0.006
-FOOT_M, STANDING_M = 0.15, 2.0  # a foot over the ground, and the highest that a camera looks at a character
+FOOT_M, STANDING_M = 0.15, 2.0  # a foot above the ground, and the highest target on a character
 MAX_LIFT_FRACTION = 0.6  # of the distance, to see feet behind a step
 ZOOM_STEP_FACTOR = 0.88
 STICK_TURN_RAD_PER_S = 2.6  # radians per second at full stick
@@ -28,13 +28,13 @@ STICK_TILT_RAD_PER_S = 1.6
 TARGET_HALF_LIFE_S = 0.09  # seconds, horizontal
 TARGET_HEIGHT_HALF_LIFE_S = 0.20  # slower, so that stairs do not shake the view
 STICK_HALF_LIFE_S = 0.05
-STICK_REST_RADIUS = 0.02  # a stick this close to its middle rests
+STICK_REST_RADIUS = 0.02  # dead zone: a stick this close to its centre is at rest
 ALIGN_HALF_LIFE_S = 1.1
 LIFT_HALF_LIFE_S = 0.10
 _BEFORE_FEET, _ON_BOOM = np.linspace(0.15, 0.9, 16), np.linspace(0.25, 1.0, 12)  # of the way to the eye
-OPENING_HALF_LIFE_S = 0.35  # of the turn of an opening view, once the character walks
+OPENING_HALF_LIFE_S = 0.35  # of the turn out of an opening view, once the character walks
 GROUND_CLEARANCE_M = 0.35
-ORBIT_CLEARANCE_M = 0.08  # an orbit camera may look at feet from close to the ground
+ORBIT_CLEARANCE_M = 0.08  # an orbit camera may look at feet from near the ground
 
 
 def look_at(eye: Array, target: Array) -> Array:
@@ -76,7 +76,7 @@ class Camera:
     pitch: float = 0.2
     distance: float = 4.5
     fov_y: float = FOV_Y_RAD
-    # where the target shows, -1 (left, bottom) to 1, and the fraction of the window's height that the view fills:
+    # screen position of the target, -1 (left, bottom) to 1, and the fraction of the window's height that the view fills:
     # panels may cover a side, and a timeline the ground
     shift: float = 0.0
     shift_up: float = 0.0
@@ -188,7 +188,7 @@ class FollowCamera(OrbitCamera):
     _target_velocity: Array = field(default_factory=lambda: np.zeros(3))
     _turn: Array = field(default_factory=lambda: np.zeros(2))  # yaw and pitch speed, radians per second
     _turn_velocity: Array = field(default_factory=lambda: np.zeros(2))
-    _opening: float = 0.0  # radians that an opening view is turned from behind the character
+    _opening: float = 0.0  # radians by which an opening view is turned from behind the character
 
     @property
     def heading(self) -> float:
@@ -249,5 +249,5 @@ class FollowCamera(OrbitCamera):
             return
         difference = math.remainder(yaw - self.yaw, math.tau)
         fraction = 1.0 - 0.5 ** (dt / ALIGN_HALF_LIFE_S)
-        # sin: a character that comes straight at the camera must not spin it round
+        # sin: a character walking straight at the camera must not spin it round
         self.yaw = math.remainder(self.yaw + fraction * math.sin(difference), math.tau)

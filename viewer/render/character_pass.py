@@ -17,14 +17,14 @@ from viewer.render.quality import Quality
 
 MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64
-CROWD = 4  # solid characters, from which on each is small: their meshes and shadows have such cells
+MIN_CROWD_CHARACTERS = 4  # from this many solid characters on, their meshes are simplified, as each is small
 CROWD_CELL_M, CROWD_SHADOW_CELL_M = 0.016, 0.035
 HEM_RINGS = 1  # of triangles around an open edge
-COLORS, SAME_M = 8, 1e-4  # steps from dark to bright, and metres, that count as the same color and place
-NEARER_M = 0.1  # so much nearer, a ghost may hide the character
+COLORS, SAME_M = 8, 1e-4  # brightness steps, and metres, within which color and position count as equal
+NEARER_M = 0.1  # a ghost this much nearer may hide the character
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, weight
 GHOST_OPACITY = 0.7
-COVERING_OPACITY = 0.35  # of all ghosts before the character together, which must not hide it
+COVERING_OPACITY = 0.35  # limit for all ghosts in front of the character together
 
 
 class SkinnedMesh(Protocol):
@@ -49,8 +49,8 @@ class SkinnedMesh(Protocol):
 class CharacterDraw:
     pose: Pose
     opacity: float = 1.0  # less: a ghost
-    matrices: Array | None = None  # of the joints, where they do not follow from the pose
-    behind: bool = False  # a ghost that hides nothing of the solid characters
+    matrices: Array | None = None  # of the joints, if not computed from the pose
+    behind: bool = False  # a ghost that never hides solid characters
 
     @property
     def ghost(self) -> bool:
@@ -72,7 +72,7 @@ class CharacterPass:
         self._mesh: SkinnedMesh | None = None
         self._buffers: list[moderngl.Buffer] = []
         self._arrays: dict[str, moderngl.VertexArray] = {}
-        self._content: dict[str, list[Any]] = {}  # of the vertices, by program
+        self._content: dict[str, list[Any]] = {}  # vertex data, by program
         self._draws: list[CharacterDraw] = []
 
     def set_character(self, mesh: SkinnedMesh) -> None:
@@ -130,12 +130,12 @@ class CharacterPass:
 
     def _render_solid(self, name: str) -> None:
         solid = [slot for slot, draw in enumerate(self._draws) if not draw.ghost]
-        shown = name if self._self_shadow or len(solid) < CROWD else self._crowd(name)
+        shown = name if self._self_shadow or len(solid) < MIN_CROWD_CHARACTERS else self._crowd(name)
         for slot in solid:
             self._render(shown, slot)
 
     def _crowd(self, name: str) -> str:
-        """Return the name of the simpler mesh that a program draws in a crowd; it is made when the first one is drawn."""
+        """Return the name of the simplified mesh that a program draws in a crowd, made at first use."""
         crowd, mesh = f"crowd {name}", self._mesh
         if crowd not in self._arrays and mesh is not None:
             cell_m, colors = (CROWD_CELL_M, mesh.colors) if name == "surface" else (CROWD_SHADOW_CELL_M, None)
@@ -180,7 +180,7 @@ class CharacterPass:
                 self._render("surface", slot)
 
     def _bring_forward(self, target: moderngl.Framebuffer) -> None:
-        """Leave the depth of the solid characters at the eye: what is drawn afterwards hides nothing of them."""
+        """Keep only the solid characters' depth: later drawing hides nothing of them."""
         set_uniforms(self._programs["surface"], {"forward": 1.0})
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._ctx.depth_func = "<"
@@ -201,7 +201,7 @@ class CharacterPass:
 
 
 def _mask_colors(target: moderngl.Framebuffer, written: bool) -> None:
-    """Choose whether drawing writes colours; a mask comes into force when its framebuffer is bound."""
+    """Enable or disable color writes; a mask takes effect when its framebuffer is bound."""
     target.color_mask = written, written, written, written
     target.use()
 
@@ -262,7 +262,7 @@ def coarse_triangles(
         np.minimum.at(least, place, color)
         np.maximum.at(most, place, color)
         keys = np.column_stack([keys, color, least[place], most[place]])
-        # the first of a cell is at one place for all colors that meet there
+        # the first vertex of a cell has one position for all colors meeting there
         order = np.argsort(place, kind="stable")
     first, cell = _groups(keys[order])
     stands = np.empty(len(positions), np.int64)

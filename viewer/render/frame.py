@@ -14,10 +14,10 @@ from viewer.render.camera import Camera, look_at
 SUN_DIRECTION = np.array([0.480, 0.768, 0.424])  # unit, towards the sun; 50 degrees high
 FOG_BEGIN_M, FOG_END_M = 7.0, 46.0
 SHADOW_MARGIN_M = 0.35  # flesh around joints
-GROUND_MARGIN_M = 0.45  # darkness around feet and bodies
+GROUND_MARGIN_M = 0.45  # margin of the darkening around feet and bodies
 SHADOW_REACH_M = 9.0  # of terrain shadows around the character
-SHADOW_TEXEL_M = 0.007  # of the shadow map: finer ones show no more
-TEXEL_STEP = 64  # the map has one of few sizes
+SHADOW_TEXEL_M = 0.007  # of the shadow map: finer ones are not visible
+TEXEL_STEP = 64  # the map's size is a multiple of this
 UNIFORM_BYTES = 2 * 64 + 7 * 16  # two matrices and seven vectors
 
 
@@ -29,7 +29,7 @@ class RenderFrame:
     eye: Array  # (3,) metres
     view_projection: Array  # (4, 4)
     radians_per_pixel: float
-    cast: Array  # (n, 3) metres: the characters' joints, and where the sun throws them on the ground
+    cast: Array  # (n, 3) metres: the characters' joints, and their shadows on the ground
     shadow_texels: int  # per side of the shadow map
     uniforms: bytes  # the block `Frame` of common.glsl
 
@@ -87,7 +87,7 @@ def _shadow_points(poses: list[Pose]) -> Array:
     points = np.concatenate([pose.positions for pose in poses]).astype(float)
     ground = np.concatenate([np.full(len(p.positions), p.root_position[1]) for p in poses])
     fall = np.maximum(points[:, 1] - ground, 0.0)[:, None] * (SUN_DIRECTION / SUN_DIRECTION[1])
-    return np.concatenate([points, points - 1.15 * fall])  # a little further: the ground may drop
+    return np.concatenate([points, points - 1.15 * fall])  # a little farther: the ground may drop
 
 
 def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, most_texels: int) -> tuple[Array, int]:
@@ -95,7 +95,7 @@ def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, most_texels: in
     points = np.concatenate([pose.positions for pose in poses] or [focus[None]]).astype(float)
     centre = 0.5 * (points.min(0) + points.max(0))
     radius = float(np.max(np.linalg.norm(points - centre, axis=1))) + SHADOW_MARGIN_M
-    radius = max(math.ceil(radius * 4) / 4, reach_m)  # rarely another scale: edges do not shimmer
+    radius = max(math.ceil(radius * 4) / 4, reach_m)  # quantised, so that edges do not shimmer
     texels = min(most_texels, math.ceil(2 * radius / SHADOW_TEXEL_M / TEXEL_STEP) * TEXEL_STEP)
     view = look_at(centre + SUN_DIRECTION, centre).astype(float)
     texel = 2 * radius / texels

@@ -1,4 +1,4 @@
-"""GLSL programs of the shader files, with defines; small helpers over moderngl."""
+"""Compiles the GLSL shader files with defines; small helpers for moderngl."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from runtime.safe_read import read_bounded
 
 SHADER_ROOT = PROJECT_ROOT / "shaders"
 FRAME_BINDING, JOINTS_BINDING = 0, 1  # of the uniform blocks in common.glsl and skinning.glsl
-UPLOAD_BYTES = 4096  # at once; a command of Mesa's thread holds 8192
+UPLOAD_BYTES = 4096  # per upload; a command of Mesa's thread holds 8192
 MAX_BYTES = 1 << 20  # of a file
 REMEDY = "Install the program again; if you edited this shader, correct that line."
 
@@ -26,7 +26,7 @@ def load_program(
     if not ctx.includes:
         ctx.includes.update({path.name: _read(path.name) for path in SHADER_ROOT.glob("*.glsl")})
     added = "".join(f"#define {name} {value}\n" for name, value in (defines or {}).items())
-    # the version has to stand in the first line
+    # the version must be in the first line
     texts = [_read(name).replace("\n", f"\n{added}", 1) for name in (vertex, fragment)]
     try:
         program = ctx.program(vertex_shader=texts[0], fragment_shader=texts[1])

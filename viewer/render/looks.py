@@ -1,4 +1,4 @@
-"""How the character is coloured: as it comes, with more contrast, or by the parts of its body that a prompt describes."""
+"""Character colours: its own, with more contrast, or by body part."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from runtime.arrays import Array
 from runtime.character.character import Character
 from runtime.skeleton import PART_JOINTS, PART_NAMES
 
-# linear colours, of the left side warm and of the right side cold
+# linear; warm on the left, cold on the right
 PART_COLORS = np.array(
     [
         (0.72, 0.22, 0.06),
@@ -21,7 +21,7 @@ PART_COLORS = np.array(
         (0.34, 0.16, 0.48),
     ]
 )
-PART_WEIGHT = 0.85  # of a part's colour; the rest is the brightness of its own
+PART_WEIGHT = 0.85  # of a part's colour; the rest is the brightness of the mesh's own
 LIGHT, DARK = np.array([0.70, 0.70, 0.68]), np.array([0.012, 0.014, 0.018])
 
 

@@ -1,4 +1,4 @@
-"""Overlays and contact darkness as plain arrays of strokes, and the pass that draws them."""
+"""Overlays and contact shadows as arrays of strokes, and the pass that draws them."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ STROKE = np.dtype(
     [("start", "<f4", 3), ("end", "<f4", 3), ("normal", "<f4", 3), ("radius", "<f4", 2), ("color", "<f4", 4)]
 )
 
-# Radii in metres on the ground, in pixels of a frame 720 high on top; colours sRGB.
+# Radii in metres on the ground, on top in pixels of a frame 720 high; colours sRGB.
 FOOT_RADIUS_M = 0.145
 FOOT_SHADE_WEIGHT = 0.60
 BODY_RADIUS_M = 0.60
 BODY_SHADE_WEIGHT = 0.16
 DOT_RADIUS_M = 0.038
-LINE_RADIUS_M, LINE_PIECES = 0.014, 4  # of the trajectory; pieces between two samples
+LINE_RADIUS_M, LINE_PIECES = 0.014, 4  # of the trajectory; segments between two samples
 TICK_RADIUS_M = 0.009
 TICK_LENGTH_M = 0.055  # to each side
 CONTACT_RADIUS_M = 0.075
@@ -54,7 +54,7 @@ SPEED_COLORS = (
     (0.98, 0.62, 0.10),
     (0.92, 0.18, 0.14),
 )
-FAST_M_PER_S = 4.0  # metres per second of the last of them
+FAST_M_PER_S = 4.0  # speed of the last of them
 
 CONTACT_JOINTS = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")  # in the order of Pose.contacts
 CONTACT_INDICES = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
@@ -83,7 +83,7 @@ def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strok
     line = _on_terrain(fine, terrain)
     legs = make_strokes(line[:-1], line[1:], LINE_RADIUS_M, colors[np.int64(np.floor(even[:-1]))])
     apart = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    marked = np.flatnonzero(apart[:-1] > TICK_LENGTH_M) + 1  # of a figure that stands they would be one blot
+    marked = np.flatnonzero(apart[:-1] > TICK_LENGTH_M) + 1  # ticks of a standing character would overlap
     across = TICK_LENGTH_M * np.stack([facing[:, 1], -facing[:, 0]], -1)
     ends = [_on_terrain(places[marked] + side * across[marked], terrain) for side in (-1.0, 1.0)]
     ticks = make_strokes(ends[0], ends[1], TICK_RADIUS_M, colors[marked])
@@ -137,7 +137,7 @@ def _soles(pose: Pose) -> Array:
 
 
 def _contact_colors(pose: Pose, opacity: float, more: float) -> Array:
-    """Return colours `(4, 4)` from free to bearing, by `more` more opaque while it bears."""
+    """Return colours `(4, 4)` from free to in contact, with opacity increased by `more` in contact."""
     bearing = np.clip(pose.contacts, 0.0, 1.0)[:, None]
     color = np.array(FREE) + (np.array(TOUCHING) - np.array(FREE)) * bearing
     return np.hstack([color, opacity + more * bearing])
@@ -204,7 +204,7 @@ def _on_terrain(places: Array, terrain: Terrain) -> Array:
 
 
 def _laid(strokes: Strokes, place: str, terrain: Terrain, reach_m: float = 0.05) -> Strokes:
-    """Return the strokes, each laid on the ground as it slopes at its `place` ("start" or "end")."""
+    """Return the strokes laid on the sloping ground at their `place` ("start" or "end")."""
     at = strokes[place]
     strokes["normal"] = terrain.normal(at[:, 0], at[:, 2], reach_m=reach_m)
     return strokes

@@ -1,4 +1,4 @@
-"""What is drawn over the scene, as plain data that the application fills each frame."""
+"""Overlay data that the application fills each frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from runtime.arrays import Array
 from runtime.motion.controller import Controller
 from runtime.pose import Pose
 
-PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the present and one second ahead
+PAST_SAMPLES = 6  # of the 12 trajectory samples: one second back, then the present and one second ahead
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Overlays:
-    """What is drawn over the scene in a frame; the default is the grid alone."""
+    """The overlays of a frame; the default is the grid alone."""
 
     trajectory: TrajectoryOverlay | None = None
     show_skeleton: bool = False

@@ -1,4 +1,4 @@
-"""How much the renderer spends on a frame."""
+"""Rendering quality presets."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ class Quality:
     grid_resolution: int  # terrain vertices per side; the mesh keeps to 2 * grid_resolution ** 2 triangles
     shadow_map_size: int  # texels per side
     shadow_taps: int  # 1: one filtered tap; more: a soft edge
-    # of space, for which one vertex of a character stands: as it is drawn (0: each for itself), and in its shadow
+    # cell size in which a character's vertices are merged when drawn (0: none are), and in its shadow
     cell_m: float
     shadow_cell_m: float
     terrain_casts_shadow: bool
     self_shadow: bool  # characters receive shadows too
     msaa: int  # samples per pixel; 0: none
-    # what is softened afterwards, where there is no multisampling: "characters", "all" or ""
+    # what is smoothed afterwards without multisampling: "characters", "all" or ""
     smooth_edges: str
     render_scale: float  # rendered pixels per shown pixel, along one side
-    max_pixels: int  # a larger frame is rendered at this many and stretched; 0: no limit
+    max_pixels: int  # a larger frame is rendered with this many and upscaled; 0: no limit
 
 
 FAST = Quality("fast", 64, 384, 8, 0.009, 0.030, False, False, 0, "characters", 0.6, 340_000)

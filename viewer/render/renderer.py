@@ -1,4 +1,4 @@
-"""The renderer: `Renderer.render` is the list of passes, each pass is a module of its own."""
+"""The renderer: `Renderer.render` lists the passes; each pass is a module of its own."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from viewer.render.quality import Quality, choose_quality
 from viewer.render.targets import SceneTarget, ShadowMap
 from viewer.render.terrain_pass import TerrainPass
 
-LEVEL_SLOPE_RATIO = 0.02  # rise over run: such a ground has no edges to soften
-FIGURE_OPACITY = 0.75  # of one that stands where the character does
+LEVEL_SLOPE_RATIO = 0.02  # rise over run: flatter ground has no edges to smooth
+FIGURE_OPACITY = 0.75  # of one in the same place as the character
 
 
 class Renderer:
@@ -47,7 +47,7 @@ class Renderer:
         self._sky = screen_triangle(ctx, "sky.frag")
         self._terrain = TerrainPass(ctx, self.quality)
         self._characters = CharacterPass(ctx, self.quality)
-        self._figure: CharacterPass | None = None  # of another mesh, once there is one
+        self._figure: CharacterPass | None = None  # of another mesh, if any
         self._figure_mesh: SkinnedMesh | None = None
         self._overlays = OverlayPass(ctx)
         self._ground = Terrain.flat()
@@ -123,7 +123,7 @@ class Renderer:
             self.ctx.polygon_offset = 0.0, 0.0
 
     def _draw_sky(self) -> None:
-        """Fill what nothing else has covered: from the horizon, which is also the colour of the fog, to the zenith."""
+        """Draw the sky where nothing else is: from the horizon, which is also the colour of the fog, to the zenith."""
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<="
         self._sky.render(moderngl.TRIANGLES, vertices=3)
@@ -132,7 +132,7 @@ class Renderer:
         self, scene: moderngl.Framebuffer, pose: Pose | None, overlays: Overlays
     ) -> None:
         scene.depth_mask = False
-        scene.use()  # a mask comes into force when its framebuffer is bound
+        scene.use()  # a mask takes effect when its framebuffer is bound
         if overlays.trajectory is not None:
             self._overlays.draw_on_ground(trajectory_strokes(overlays.trajectory, self._ground))
         if overlays.path is not None:

@@ -1,4 +1,4 @@
-"""The images that passes draw into: the scene (scaled, multisampled) and the shadow map."""
+"""Render targets: the scene (scaled, multisampled) and the shadow map."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ class SceneTarget:
     def _make_images(self, shown_size: tuple[int, int]) -> None:
         self._shown_size = shown_size
         size = scene_size(shown_size, self._quality)
-        self._picture = self._ctx.texture(size, 4)  # the scene's colour, one sample a pixel
+        self._picture = self._ctx.texture(size, 4)  # the scene's colour, one sample per pixel
         self._picture.repeat_x = self._picture.repeat_y = False
         self._resolved = self._ctx.framebuffer([self._picture])
-        # the same with softened edges, to be stretched
+        # the same with smoothed edges, to be upscaled
         self._softened_picture = self._ctx.texture(size if self._softens else (1, 1), 4)
         self._softened_picture.repeat_x = self._softened_picture.repeat_y = False
         self._softened = self._ctx.framebuffer([self._softened_picture])
@@ -80,9 +80,9 @@ class SceneTarget:
         self._ctx.enable_only(moderngl.NOTHING)
         width, height = shown_size(target)
         fits, softens = self._scene.size == (width, height), self._softens and edges[2] * edges[3] > 0
-        if softens and not fits:  # before it is stretched, or every step would be larger
+        if softens and not fits:  # before upscaling, which would enlarge the steps
             self._draw(self._smooth_edges, self._softened, edges)
-        # no blit, which Mesa's drawing thread is waited for
+        # no blit, since that waits for Mesa's drawing thread
         self._draw(self._stretch, target)
         if not softens:
             return

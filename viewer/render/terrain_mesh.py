@@ -1,6 +1,6 @@
-"""Triangles of a height map, fewer where it is plain or far: tiles whose step is chosen by their error in pixels.
+"""Level-of-detail triangles of a height map: tiles whose step is chosen by their error in pixels.
 
-A window of the terrain is one regular grid of vertices plus a ring far outside that carries the edge heights on,
+A window of the terrain is one regular grid of vertices plus a distant ring that extends the edge heights,
 as `Terrain.height` does. A tile has 16 x 16 cells; at levels (lx, lz) it uses every 2 ** lx-th row and every
 2 ** lz-th column, so that a flight of stairs costs a few long triangles. Where a finer tile meets a coarser one its
 edge vertices snap to the coarser's, so no cracks open. Only numpy here, no OpenGL.
@@ -25,10 +25,10 @@ Levels = NDArray[np.int64]
 TILE = 16  # cells per side
 LEVELS = 5  # steps of 1, 2, 4, 8, 16 cells
 MAX_CELLS = 1024  # per side of the window
-WINDOW_M = 64.0  # what the window covers at least, where the terrain is as large
+WINDOW_M = 64.0  # minimum extent of the window, if the terrain is as large
 HAZE_M = 25.0
-APRON_M = 150.0  # how far the ring lies outside, beyond all fog
-# heights over the mean around them, metres: at the size of edges and at that of hollows, each with what is full and its weight
+APRON_M = 150.0  # distance of the ring, beyond all fog
+# heights over the local mean, metres, at the scale of edges and of hollows: each with its full value and its weight
 RELIEF = ((0.07, 0.05, 0.30), (0.60, 0.10, 0.45))
 
 
@@ -39,7 +39,7 @@ class TerrainWindow:
     heights: Array  # (nx + 2, nz + 2) float32
     cell_m: float
     origin: tuple[float, float]  # x, z of heights[1, 1]
-    whole: bool  # False: the terrain goes on outside the window
+    whole: bool  # False: the terrain extends beyond the window
 
     @property
     def tiles(self) -> tuple[int, int]:
@@ -75,7 +75,7 @@ class TerrainWindow:
     def errors(self) -> Array:
         """Return the largest height error (metres) per axis, level and tile, `(2, LEVELS, tiles x, tiles z)`, increasing by level.
 
-        The errors of both axes add up at most, since interpolating along one does not enlarge that of the other.
+        The errors of both axes add up at most, since interpolation along one does not increase the other's.
         """
         h = self.heights[1:-1, 1:-1]
         errors = np.zeros((2, LEVELS, *self.tiles), np.float32)
@@ -126,7 +126,7 @@ def cut_window(terrain: Terrain, centre: Array) -> TerrainWindow:
         cells = max(math.ceil(span / cell - 1e-6), 1)
         count = min(math.ceil(cells / TILE) * TILE, MAX_CELLS)
         first = 0
-        if count < cells:  # in whole tiles, so that the mesh does not swim when the window moves
+        if count < cells:  # in whole tiles, so that the mesh is stable when the window moves
             whole = False
             first = round(((middle - low) / cell - count / 2) / TILE) * TILE
             first = min(max(first, 0), math.ceil((cells - count) / TILE) * TILE)
@@ -197,7 +197,7 @@ class TerrainMesh:
         """
         nearest = np.clip(eye, self._low, self._high)
         distance = np.maximum(np.linalg.norm(nearest - eye, axis=-1), 0.5)
-        distance *= 1.0 + (distance / HAZE_M) ** 2  # what lies in the fog may be coarser
+        distance *= 1.0 + (distance / HAZE_M) ** 2  # distant tiles in the fog may be coarser
         pixels = 1.0
         while True:
             allowed = distance * radians_per_pixel * pixels

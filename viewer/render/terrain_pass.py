@@ -1,4 +1,4 @@
-"""The ground: keeps the window of the height map on the GPU and draws the triangles that the view needs."""
+"""The ground: keeps the window of the height map on the GPU and draws the triangles in view."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from viewer.render.gl import load_program, release, scissored, set_uniforms, upl
 from viewer.render.quality import Quality
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
-RECENTRE_SHARE = 0.12  # of the window's size
-# flatter ground throws no shadow on itself
+RECENTRE_FRACTION = 0.12  # of the window's size
+# flatter ground casts no shadow on itself
 SUN_SLOPE_RATIO = SUN_DIRECTION[1] / np.hypot(*SUN_DIRECTION[::2])
-MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height over the start that has the full tint
-# rise over run; between them a ground is a meadow, else the floor of a studio
+MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height above the start at which the tint is full
+# rise over run; between them a ground is drawn as a meadow, else as a studio floor
 LEVEL_SLOPE_RATIO, MEADOW_SLOPE_RATIO = 0.02, 1.5
 NOISE_TEXELS, NOISE_SEED = 256, 7
-PATCH_TEXELS, GRAIN_TEXELS = (2.0, 4.0, 9.0, 20.0), (0.6, 1.2, 2.5)  # sizes of what the noise is made of
-LAYOUTS = {  # of a vertex: what each program reads
+PATCH_TEXELS, GRAIN_TEXELS = (2.0, 4.0, 9.0, 20.0), (0.6, 1.2, 2.5)  # sizes of the noise's features
+LAYOUTS = {  # vertex attributes that each program reads
     "surface": ("1f4 2f2 1f2 2x", "in_height", "in_slope", "in_relief"),
     "depth": ("1f4 8x", "in_height"),
     "shadow": ("1f4 2f2 4x", "in_height", "in_slope"),
@@ -35,7 +35,7 @@ class TerrainPass:
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
         self._casts = quality.terrain_casts_shadow
-        self.shadow_reach_m = 0.0  # around the characters, of shadows of the ground
+        self.shadow_reach_m = 0.0  # extent of the ground's shadows around the characters
         self._max_triangles = 2 * quality.grid_resolution**2
         taps = {"SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
@@ -78,7 +78,7 @@ class TerrainPass:
     def _far_off(mesh: TerrainMesh, focus: Array) -> bool:
         window = mesh.window
         span = window.cell_m * min(window.heights.shape)
-        return not window.whole and float(np.max(np.abs(focus - window.centre))) > RECENTRE_SHARE * span
+        return not window.whole and float(np.max(np.abs(focus - window.centre))) > RECENTRE_FRACTION * span
 
     def _upload(self, mesh: TerrainMesh) -> None:
         window = mesh.window
@@ -153,7 +153,7 @@ class TerrainPass:
     def _darken(
         self, name: str, frame: RenderFrame, target: moderngl.Framebuffer, low: Array, high: Array
     ) -> None:
-        """Draw the ground between two corners (x, z) again, by a program whose colours are multiplied onto it."""
+        """Redraw the ground between two corners (x, z) with a program whose colours are multiplied onto it."""
         mesh = self._mesh
         chosen = None if mesh is None else mesh.touching(low, high) & self._visible
         if mesh is not None and chosen is not None and chosen.any():

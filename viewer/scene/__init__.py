@@ -1,1 +1,1 @@
-"""What is on stage: ground, character, model, simulation and camera."""
+"""The scene: ground, character, model, simulation and camera."""

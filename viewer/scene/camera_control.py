@@ -1,4 +1,4 @@
-"""The camera in the user's hands: follow or orbit, views by name, rotated by stick, keys and mouse."""
+"""Camera control: follow or orbit, named views, rotation by stick, keys and mouse."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from viewer.gl_bindings import imgui
 from viewer.input.bindings import NAVIGATION, Drag
 from viewer.render.camera import TARGET_HALF_LIFE_S, TARGET_HEIGHT_HALF_LIFE_S, FollowCamera, OrbitCamera
 
-CHEST_HEIGHT_FRACTION = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
-ORBIT_PX_PER_S = 420.0  # what a full stick is worth in the orbit camera
+CHEST_HEIGHT_FRACTION = 0.55  # of the hips' height above the ground: keeps the whole body in view
+ORBIT_PX_PER_S = 420.0  # mouse movement equivalent to a full stick in the orbit camera
 SHIFT_HALF_LIFE_S = 0.08  # seconds
-JUMP_DISTANCE_M = 3.0  # a target that moves farther in one frame was set there: no glide
-FRAME_DISTANCE_M = 4.0  # the whole body, with air above and below
-POINT_DISTANCE_M = 1.6  # a hand or a foot, and the limb that leads to it
-ZOOM_STEP_PX = 40.0  # of a drag that zooms
+JUMP_DISTANCE_M = 3.0  # a target that moves farther in one frame was placed there, without gliding
+FRAME_DISTANCE_M = 4.0  # the whole body with margins
+POINT_DISTANCE_M = 1.6  # a hand or a foot with its limb
+ZOOM_STEP_PX = 40.0  # per step of a zooming drag
 BUTTONS = ("left", "right", "middle")  # as ImGui counts them
-# radians from the walker's back: where obstacles lie ahead so that they show, else three quarters from the front
+# radians from the character's back: behind it if obstacles are ahead, else three quarters from the front
 OBSTACLE_TURN_RAD, OPENING_TURN_RAD = -0.62, math.pi - 0.72
-NEAR_M, FAR_M, STEP_M = 1.0, 15.0, 0.25  # where obstacles are looked for
+NEAR_M, FAR_M, STEP_M = 1.0, 15.0, 0.25  # distances where obstacles are looked for
 DIRECTIONS = 16
-MIN_CLIMB_M = 0.15  # up and down along the way; less is level
+MIN_CLIMB_M = 0.15  # total height change along the path; less is level
 _TRACKING = np.array([TARGET_HALF_LIFE_S, TARGET_HEIGHT_HALF_LIFE_S, TARGET_HALF_LIFE_S])
 
 
@@ -56,11 +56,11 @@ class CameraControl:
     """The follow and the orbit camera, both moving with the character, and which one is in use."""
 
     mode: str = "follow"
-    keyed: bool = False  # the view follows the camera keys of the take that plays, until the user moves it
+    keyed: bool = False  # the view follows the take's camera keys, until the user moves it
     follow: FollowCamera = field(default_factory=FollowCamera)
     orbit: OrbitCamera = field(default_factory=OrbitCamera)
     _framing: tuple[float, float, float] | None = None
-    _tracked: NDArray[np.floating] | None = None  # the character as the orbit camera follows it, `(3,)`
+    _tracked: NDArray[np.floating] | None = None  # where the orbit camera follows the character, `(3,)`
     _tracked_velocity: NDArray[np.floating] = field(default_factory=lambda: np.zeros(3))
 
     @property
@@ -137,7 +137,7 @@ class CameraControl:
         if io.mouse_wheel:
             self.zoom_at(io.mouse_wheel, mouse.x, mouse.y, size.x, size.y)
         drag = _drag_of(NAVIGATION[navigation], taken)
-        # how the mouse came to where it was pressed is no drag
+        # the movement before the press is not part of the drag
         begins = any(imgui.is_mouse_clicked(button) for button in range(3))
         if drag is Drag.ZOOM and not begins:
             self.current.zoom(-io.mouse_delta.y / ZOOM_STEP_PX)
@@ -151,7 +151,7 @@ class CameraControl:
         before = camera.distance
         camera.zoom(steps)
         if self.mode == "orbit":
-            away = 1.0 - before / camera.distance  # of the pointer from where the target shows
+            away = 1.0 - before / camera.distance  # offset of the pointer from the target on the screen
             dx, dy = x - (0.5 + 0.5 * camera.shift) * width, y - (0.5 - 0.5 * camera.shift_up) * height
             self.orbit.pan(dx * away, dy * away, height)
 
@@ -196,7 +196,7 @@ class CameraControl:
         self.follow.update(target, dt, look, terrain, align)
 
     def _track(self, target: NDArray[np.floating], dt: float) -> None:
-        """Move the orbit camera's target, wherever it was put, along with the character."""
+        """Move the orbit camera's target with the character, keeping its offset."""
         old = target if self._tracked is None else self._tracked
         if self._tracked is None or math.dist(target, old) > JUMP_DISTANCE_M:
             self._tracked, self._tracked_velocity = target, np.zeros(3)
@@ -213,7 +213,7 @@ class CameraControl:
 
 
 def _drag_of(table: Mapping[tuple[str, str], Drag], taken: bool) -> Drag | None:
-    """Return what the button that is held does with the modifier that is; `taken`: not the left one."""
+    """Return the action of the held button with the held modifier; `taken`: the left one is in use."""
     io = imgui.get_io()
     modifiers = {"shift": io.key_shift, "ctrl": io.key_ctrl, "alt": io.key_alt}
     modifier = next((name for name, down in modifiers.items() if down), "")

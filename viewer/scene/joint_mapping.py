@@ -1,4 +1,4 @@
-"""Joints of a character that its user names by hand: what is guessed, what is chosen, keeping it in the file's folder, and the window."""
+"""Mapping of a character's joints by hand: the guess, the user's choice, its file, and the window."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class JointMapping:
     path: Path | None = None
     guess: JointGuess | None = None
     chosen: dict[str, str] = field(default_factory=dict)
-    selected: str = ""  # the SPORT joint whose row was used last
+    selected: str = ""  # the SPORT joint of the row used last
     problem: str = ""  # why it could not be applied
 
     def guessed(self, joint: str) -> str:
@@ -76,7 +76,7 @@ class JointMapping:
     def choose(self, joint: str, name: str | None) -> None:
         """Map a SPORT joint to a joint of the file: "" for none, None for the guess.
 
-        Each joint of the file has one SPORT joint: another one that had it is left without.
+        Each joint of the file maps to one SPORT joint only: another one that had it loses it.
         """
         chosen = {key: value for key, value in self.chosen.items() if key != joint}
         name = self.guessed(joint) if name is None else name
@@ -117,10 +117,10 @@ class JointMapping:
         self.open = False
 
 
-WIDTH_PX, HEIGHT_PX = 720.0, 560.0  # pixels at scale 1
-AROUND_LISTS_PX = 224.0  # of the window's height: title, counts, buttons, margins
+WIDTH_PX, HEIGHT_PX = 720.0, 560.0  # at scale 1
+AROUND_LISTS_PX = 224.0  # part of the window's height: title, counts, buttons, margins
 INDENT_PX = 9.0  # of a child in the trees
-NAME_WIDTH_PX = 150.0  # of the project's joints
+NAME_WIDTH_PX = 150.0  # of the SPORT joints
 
 
 def panel(mapping: JointMapping) -> Panel:
@@ -153,7 +153,7 @@ def panel(mapping: JointMapping) -> Panel:
 def _found(state: JointMapping, guess: JointGuess, room: float) -> None:
     path = printable("" if state.path is None else state.path.name)
     count = f"{len(guess.found)} of our {len(SPORT_SKELETON)} joints found by {guess.origin}"
-    found = count if guess.found else "no joint found by names, tree or rest pose"
+    found = count if guess.found else "no joint found by names, hierarchy or rest pose"
     by_hand = f", {len(state.chosen)} by hand" if state.chosen else ""
     widgets.muted(widgets.elided(f"{path}: {found}{by_hand}", room))
     widgets.tooltip(printable(state.path))
@@ -162,7 +162,7 @@ def _found(state: JointMapping, guess: JointGuess, room: float) -> None:
         widgets.text(widgets.elided(f"Still missing: {missing}", room), theme.ERROR)
         widgets.tooltip(missing)
     else:
-        widgets.muted("Nothing is missing. Joints without a partner follow their neighbours.")
+        widgets.muted("Nothing is missing. Unmapped joints follow their neighbours.")
 
 
 def _file_joints(state: JointMapping, guess: JointGuess) -> None:
@@ -190,7 +190,7 @@ def _mapped_joint(state: JointMapping, guess: JointGuess, joint: int) -> None:
     widgets.full_width()
     shown = f"{printable(plays)}  ({'by hand' if by_hand else 'guessed'})"
     if not plays:
-        shown = "missing" if lost else "none: follows"
+        shown = "missing" if lost else "none (follows)"
     with widgets.color(imgui.Col_.text, theme.ERROR if lost else theme.ACCENT if by_hand else theme.TEXT):
         opened = imgui.begin_combo(f"##joint {name}", shown, imgui.ComboFlags_.height_large)
     if opened:
@@ -200,7 +200,7 @@ def _mapped_joint(state: JointMapping, guess: JointGuess, joint: int) -> None:
 
 @cache
 def _depth(joint: int) -> int:
-    """Return how many joints are above one of the project's."""
+    """Return the number of ancestors of a SPORT joint."""
     parent = SPORT_SKELETON.parents[joint]
     return 0 if parent < 0 else 1 + _depth(parent)
 
@@ -209,7 +209,7 @@ def _choices(state: JointMapping, guess: JointGuess, name: str, plays: str) -> N
     text = f"As guessed: {printable(state.guessed(name)) or 'none'}"
     if imgui.selectable(f"{text}##as guessed", name not in state.chosen)[0]:
         state.choose(name, None)
-    if imgui.selectable("None of them##none", name in state.chosen and not plays)[0]:
+    if imgui.selectable("None##none", name in state.chosen and not plays)[0]:
         state.choose(name, "")
     imgui.separator()
     for k, depth in _ordered(guess):
@@ -227,14 +227,14 @@ def _end(state: JointMapping) -> None:
     guess_all, apply = state.guess_all if state.chosen else None, None if state.missing else state.apply
     hint = "Saved next to the file, and used whenever it is opened"
     widgets.buttons(
-        ("As guessed##guess all", "Discard all choices made by hand", guess_all),
+        ("As guessed##guess all", "Discard all manual choices", guess_all),
         (f"{ICON.check} Apply##apply joints", hint, apply),
         primary=1,
     )
 
 
 def _ordered(guess: JointGuess) -> list[tuple[int, int]]:
-    """Return the joints of the file in the order of their tree, children under their parents, with their depth."""
+    """Return the joints of the file in hierarchical order, parents before children, with their depth."""
     tree, found = JointTree(guess.parents, guess.positions), []
     waiting = [(k, 0) for k in reversed(range(len(guess.parents))) if guess.parents[k] < 0]
     while waiting:

@@ -1,4 +1,4 @@
-"""Ground, character, model, camera and quality: loading them without losing the ones in use, and moving the character."""
+"""Ground, character, model, camera and quality: loads them while the old ones stay in use, and moves the character."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ from viewer.scene.simulation import Simulation, make_pose
 from viewer.services import Loaded, Services
 from viewer.settings import Settings
 
-MANNEQUIN, WALKER = SHIPPED = "mannequin", "walker"  # the characters that come along
+MANNEQUIN, WALKER = SHIPPED = "mannequin", "walker"  # shipped characters
 SIMULATION, WAY = "simulation", "way"  # topics of messages
-LoadedCharacter = tuple[CharacterChoice, Path | None, Any]  # with the file that was read, and what it holds
-SLOW_FPS, SLOW_SECONDS = 20.0, 5.0  # fewer frames a second for so long, and automatic quality goes down
+LoadedCharacter = tuple[CharacterChoice, Path | None, Any]  # with its file and content
+SLOW_FPS, SLOW_SECONDS = 20.0, 5.0  # below this frame rate for this long, automatic quality is lowered
 
 
 @dataclass
@@ -57,20 +57,20 @@ class Scene:
     services: Services
     ctx: Any  # OpenGL context
     renderer: Any
-    inputs: InputRecorder  # hears what changes the controller
+    inputs: InputRecorder  # records changes of the controller
     shown: Callable[[], Pose]  # the pose in view: the live one, or that of a take
-    folder: Path  # the state folder: files of characters and of the mannequin in other shapes
+    folder: Path  # the state folder: files of characters and of reshaped mannequins
     camera: CameraControl = field(default_factory=CameraControl)
-    # the live ground, as large as the character sees it
+    # the live ground, at the character's scale
     terrain: Terrain = field(default_factory=Terrain.flat)
     simulation: Simulation = field(init=False)
     terrain_names: tuple[str, ...] = ()
-    file_path: str = ""  # the path field
-    loading: str = ""  # the ground that is being loaded
+    file_path: str = ""  # of the path field
+    loading: str = ""  # the ground being loaded
     model_name: str = ""  # "" while loading
     provider: str = ""
-    model_folder: Path | None = None  # requested last; None: the default
-    character_path: Path | None = None  # the file of the character in use; None: the mannequin as it is
+    model_folder: Path | None = None  # last request; None for the default
+    character_path: Path | None = None  # the file of the character in use; None for the default mannequin
     _character: Any = None
     _choice: CharacterChoice = field(default_factory=CharacterChoice)  # in use, or being loaded
     _first_view: str = ""
@@ -138,7 +138,7 @@ class Scene:
         return list(dict.fromkeys([*self.terrain_names, *filter(None, self._specs())]))
 
     def _remember_ground(self) -> None:
-        """Begin the next time on the ready ground that was chosen last, of what is not undone."""
+        """Remember the last chosen shipped ground that was not undone, for the next start."""
         done = self._specs()[: self.editor.history.at + 1]
         ready = [spec for spec in done if spec in self.terrain_names]
         self.settings.terrain = ready[-1] if ready else self.settings.terrain
@@ -263,7 +263,7 @@ class Scene:
             self.messages.note(terrain.note or f"Ground: {terrain.name}.")
 
     def _put_ground(self, ground: Ground) -> None:
-        """Put a ground under the character where it stands, as large as its body sees it."""
+        """Put the character, at its present place, on a ground at its own scale."""
         terrain = ground.terrain.seen_by(self.size)
         self.draw_ground(terrain)
         self.terrain = terrain
@@ -278,7 +278,7 @@ class Scene:
         return 1.0 if fitted else float(getattr(self._character, "size", 1.0))
 
     def _keep_size(self) -> None:
-        """Let the ground follow when the size changes; the character stays in its place of the world."""
+        """Rescale the ground when the character's size changes; the character keeps its place in the world."""
         ground, size = self.terrain, self.size
         if ground.unit_m == size:
             return
@@ -288,7 +288,7 @@ class Scene:
         self.put_character(x * by, z * by, pose.root_yaw)
 
     def go_on_from(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Continue with the live character from a state of a take; the session has the take's ground already."""
+        """Continue with the live character from a state of a take; the session already has the take's ground."""
         if self.controller is None:
             return
         snapshot.restore(self.controller)
@@ -315,7 +315,7 @@ class Scene:
         self._load_character(partial(self.read_character, path, joint_map), take, path)
 
     def _load_choice(self, choice: CharacterChoice) -> None:
-        """Show the character that the session says, from the session's own files."""
+        """Show the session's character from the session's own files."""
         self._choice, load = choice, partial(self.read_choice, choice)
         self._load_character(load, lambda loaded: self._take_character(*loaded), None)
 
@@ -361,7 +361,7 @@ class Scene:
         return WALKER if choice.path == str(character_file(WALKER)) else ""
 
     def _refuse_character(self, path: Path | None, error: Exception) -> None:
-        """Let the joints be chosen by hand where they could not be guessed."""
+        """Open the joint mapping for a character whose joints could not be guessed."""
         self._choice = self.editor.session.character
         self.joints.refused(error)
         if path is not None and isinstance(error, JointsUnknown) and self.joints.shown != path:
@@ -379,7 +379,7 @@ class Scene:
         if self.joints.path == path or path is None:
             self.joints.close()
         elif self.joints.open:
-            self.joints.begin(path)  # else it would name those of the character before
+            self.joints.begin(path)  # otherwise it would list the joints of the previous character
 
     # --- model and quality
 
@@ -438,7 +438,7 @@ class Scene:
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:
             self._render_with("fast")
-            self.messages.note("Drawing is slow: quality is “Fast” now. Scene has the others.")
+            self.messages.note("Rendering is slow: quality was set to “Fast”. Change it in Scene.")
 
     def _render_with(self, name: str) -> None:
         renderer = self.services.make_renderer(self.ctx, name)

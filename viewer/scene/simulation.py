@@ -1,4 +1,4 @@
-"""The controller at a fixed 60 Hz under a display of any rate, and what to show when the model fails."""
+"""Steps the controller at a fixed 60 Hz under any display rate, and handles failures of the model."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 STEP_SECONDS = 1.0 / FPS
-# per displayed frame: pictures are dropped and the motion keeps its time, down to one frame a second; where the model
-# itself is slower than that the character slows down instead of falling behind for ever
+# per displayed frame: frames are dropped and the motion keeps its time, down to one frame a second; with a model
+# slower than that the character slows down instead of lagging more and more
 MIN_STEPS, MAX_STEPS = 6, 60
 MODEL_TIME_FRACTION = 0.85  # of a frame's time that its steps may take
 TRAVERSALS = {  # by the kinds of `runtime.traversal`
@@ -90,7 +90,7 @@ class Simulation:
     current: Pose
     controller: Controller | None = None
     model_ms: float = 0.0  # smoothed cost of one step
-    problem: str = ""  # the failure of the last advance, "" when it went well
+    problem: str = ""  # the failure of the last advance, or ""
     _left_s: float = 0.0
     _failures: int = 0
 
@@ -156,13 +156,13 @@ class Simulation:
         try:
             pose = controller.step(controls)
             if not (np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all()):
-                raise ValueError("it answered with values that are not numbers")
-        except Exception as error:  # a foreign network may fail in any way; the window must live on
+                raise ValueError("its output was not finite")
+        except Exception as error:  # an arbitrary network may fail in any way; the window must survive
             _LOG.exception("the model failed")
             self._fail(str(error) or type(error).__name__)
             return None
         self.add_cost((time.perf_counter() - begin) * 1e3)
-        fault = controller.message  # it set itself back: no defect, unless it does so every time
+        fault = controller.message  # it has reset itself: an error only if that happens every time
         self._failures = self._failures + 1 if fault else 0
         self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem
         self.previous, self.current = self.current, pose
@@ -175,7 +175,7 @@ class Simulation:
 
     def _fail(self, failure: str) -> None:
         self._failures += 1
-        after = _STANDS if self.halted else "It was set back to its last good pose."
+        after = _STANDS if self.halted else "It was reset to its last valid pose."
         self.problem = f"The motion model failed: {failure}. {after}"
         self.previous = self.current
         if self.controller is None or self.halted:
@@ -183,6 +183,6 @@ class Simulation:
         root = self.current.root_position
         try:
             self.controller.reset(float(root[0]), float(root[2]), self.current.root_yaw)
-        except Exception:  # the same foreign network again
+        except Exception:  # the same arbitrary network
             _LOG.exception("the model cannot be reset")
             self._failures = MAX_FAILURES

@@ -1,1 +1,1 @@
-"""The session that is open: its edits, undo and redo, and its file."""
+"""The open session: its edits, undo and redo, and its file."""

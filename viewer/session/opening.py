@@ -1,4 +1,4 @@
-"""Opening a motion's file as a take: on the ground that it was made on, or of another skeleton."""
+"""Opens a motion file as a take, on its original ground, or retargeted from another skeleton."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Opened:
     take: Take
     text: str
     problem: str
-    animations: tuple[str, ...]  # that the file has
+    animations: tuple[str, ...]  # of the file
 
 
 def read_take(path: Path, load_ground: Callable[[str], Terrain] | None, animation: str = "") -> Opened:

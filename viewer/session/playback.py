@@ -1,4 +1,4 @@
-"""Playing a take back: time and loop, and the pose to show."""
+"""Playback of a take: time, loop, and the pose to show."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ MAX_RATE = 8
 class Playback:
     """A take being played: `time_s`, and the frames `first` to `last` of its trim."""
 
-    take: Take  # as the session has it
-    clip: Clip  # its frames, of which a pin that is dragged may be newer
+    take: Take  # as in the session
+    clip: Clip  # its frames, which may lag behind a pin being dragged
     terrain: Terrain  # its own, or the live one
-    live: Terrain  # the one under the live character when it began to play
-    inputs: InputRecording | None = None  # what drove it; None where that is not known, and of a mirror image
+    live: Terrain  # that of the live character when playback began
+    inputs: InputRecording | None = None  # its input; None if unknown, and for a mirror image
     time_s: float = 0.0
     playing: bool = True
     loop: bool = True
     speed: float = 1.0
-    rate: int = 1  # times that speed, negative backwards: of J and L
-    shown: Take = field(init=False)  # whose frames `clip` has
-    first: int = field(init=False)  # that the trim keeps, as `last`
+    rate: int = 1  # times that speed, negative for backwards: set by J and L
+    shown: Take = field(init=False)  # the version of the take in `clip`
+    first: int = field(init=False)  # of the trim, as `last`
     last: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -73,7 +73,7 @@ class Playback:
         """Advance the playhead; at an end, loop or stop."""
         if not self.playing:
             return
-        outside = self.time_s < self.start_s  # a frame was sought before what the trim keeps
+        outside = self.time_s < self.start_s  # a frame outside the trim was sought
         self.time_s += seconds * self.speed * self.rate
         length, over = self.end_s - self.start_s, self.time_s - self.start_s
         if 0.0 <= over <= length:
@@ -127,7 +127,7 @@ class Playback:
 
     @property
     def _newer(self) -> bool:
-        """Whether pins or pose keys were changed whose frames are not made yet; plants are looked at when they are made."""
+        """Whether pins or pose keys have changed since the frames were made; footplants are only applied then."""
         take, shown = self.take, self.shown
         same = take.poses.footplants == shown.poses.footplants and take.motion == shown.motion
         return same and take.poses != shown.poses

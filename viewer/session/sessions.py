@@ -1,4 +1,4 @@
-"""The file of the session: new, open, save as, copy, revert; and sessions of other runs that can be opened again."""
+"""The session's file: new, open, save as, copy, revert; and the sessions of earlier runs."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ from viewer.settings import CAMERAS, Settings, checked, remembered
 
 FILTERS = ("SPORT sessions", f"*{SUFFIX}")
 MAX_RECENT_SESSIONS = 8
-KEPT_SESSIONS = 10  # untitled ones that can be opened again
-VIEW_INTERVAL_S = 10.0  # between two times at which the view is written
+KEPT_SESSIONS = 10  # untitled ones kept for reopening
+VIEW_INTERVAL_S = 10.0  # between two times at which the view is stored
 OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
 LOST, RECOVERY = Slot("lost takes"), Slot("recovery of takes")
 PROBLEM = Slot("file of the session")  # a topic of messages
-UNFINISHED = "unfinished"  # under which a file says what an end of the program cut short
-CLOSE_LIMIT_S = 1.0  # no more than an end of the program has
-MENTION_AFTER_S = 0.2  # an end that waits longer says so
+UNFINISHED = "unfinished"  # key in the file for work that the program's end interrupted
+CLOSE_LIMIT_S = 1.0  # limit when the program ends
+MENTION_AFTER_S = 0.2  # closing takes longer than this only with a message
 KEPT_SETTINGS = (
     "temperature", "response", "strength", "blend_seconds", "show_grid", "show_trajectory", "show_skeleton",
     "show_contacts",
 )  # fmt: skip
-# limits of what is kept of the view: metres and radians, of the character and of the camera
+# ranges of the stored view: metres and radians, of the character and of the camera
 PLACES = {
     "x": (-1e5, 1e5), "z": (-1e5, 1e5), "facing": (-1e5, 1e5),
     "yaw": (-1e3, 1e3), "pitch": (-1.5, 1.5), "distance": (0.5, 60.0),
@@ -69,8 +69,8 @@ class Sessions:
     picture: Callable[[], bytes]  # a small PNG of the view
     folder: Path  # the state folder
     earlier: list[SessionSummary] = field(default_factory=list)  # of other runs, newest first
-    lost: list[LostTake] = field(default_factory=list)  # that no step names, newest first, see `find_lost`
-    incomplete: bool = False  # something is not where it was to be written
+    lost: list[LostTake] = field(default_factory=list)  # lost takes, newest first, see `find_lost`
+    incomplete: bool = False  # something could not be written to its place
     _viewed: dict[str, Any] = field(default_factory=dict)
     _viewed_s: float = -1e9
     _said: str = ""
@@ -109,7 +109,7 @@ class Sessions:
     def find_cut_off(self) -> SessionSummary | None:
         """Return the last open session, untitled or named, if it was cut off."""
         named = library.look_at(self.recent[0]) if self.recent else None
-        # what the file says is written with the view, and may be older
+        # the state in the file is stored with the view, and may be older
         named = named and replace(named, name=named.path.stem)
         found = [left for left in (self.cut_off, named) if left is not None and not left.ended]
         return max(found, key=lambda left: left.saved_s, default=None)
@@ -255,7 +255,7 @@ class Sessions:
         self.earlier = [one for one in self.earlier if one is not summary]
         self.messages.note(f"Discarded: {describe(summary)}.")
 
-    # --- from one session to the other
+    # --- switching sessions
 
     def _use(self, file: SessionFile, history: History) -> None:
         self.note_unfinished()
@@ -272,7 +272,7 @@ class Sessions:
         self._viewed_s = time.monotonic()
 
     def _leave(self) -> None:
-        """Close the file that is open; an untitled one that holds nothing goes."""
+        """Close the open file; an empty untitled one is removed."""
         file, empty = self.editor.file, self._is_empty
         if not empty:
             self._write_view(ended=True)
@@ -288,7 +288,7 @@ class Sessions:
 
     @property
     def _is_empty(self) -> bool:
-        """Whether the session is untitled and never held anything that took work; prompts are in their own history."""
+        """Whether the session is untitled and never contained work; prompts have their own history."""
         return self.path is None and not self.editor.file.has_work
 
     def _remember(self, path: Path) -> None:
@@ -301,7 +301,7 @@ class Sessions:
     # --- the view
 
     def _view(self) -> dict[str, Any]:
-        """Return how the session is looked at: no step of undo, but kept."""
+        """Return how the session is viewed: stored, but not undoable."""
         camera, pose = self.scene.camera, self.scene.simulation.current
         now, (x, _, z) = camera.current, pose.root_position
         numbers = (x, z, pose.root_yaw, now.yaw, now.pitch, now.distance)  # in the order of `PLACES`
@@ -314,7 +314,7 @@ class Sessions:
         self.editor.file.write_view(self._viewed, ended, self.picture() if ended else b"")
 
     def _restore(self, view: dict[str, Any]) -> None:
-        """Look at the session as it was looked at, and let the character stand where it stood."""
+        """Restore the stored view and the character's place."""
         camera = self.scene.camera
         for name in KEPT_SETTINGS:
             value = checked(name, view.get(name), getattr(Settings(), name))
@@ -331,7 +331,7 @@ class Sessions:
             self.prompting.ask_again()
 
     def _has_model(self, wanted: ModelName) -> bool:
-        """Load the session's model where another one is there; whether none is needed."""
+        """Load the session's model if another one is loaded; return whether none is needed."""
         if not wanted.sha256 or self.scene.controller is None:
             return True
         if origin_of(self.scene.controller, "").model_sha256 == wanted.sha256:
@@ -339,7 +339,7 @@ class Sessions:
         folder = self._known_model(wanted)
         if folder is None:
             self.messages.warn(
-                f"The session's model {wanted.name or wanted.folder!r} is not one that is known here: takes play and"
+                f"The session's model {wanted.name or wanted.folder!r} is not known here: takes play and"
                 " export, but cannot be resimulated until you choose it in the settings."
             )
         elif folder != model_folder(self.scene.model_folder):
@@ -347,7 +347,7 @@ class Sessions:
         return False
 
     def _known_model(self, wanted: ModelName) -> Path | None:
-        """Return the folder of a shipped model, or of one that was chosen here, whose network is the wanted one."""
+        """Return the folder of a shipped or previously chosen model with the wanted network."""
         chosen = str(self.scene.model_folder or ""), self.settings.model_folder, *self.settings.known_models
         folders = [*shipped_models().values(), *(Path(text) for text in chosen if os.path.isabs(text))]
         return next((folder for folder in folders if wanted.sha256 in model_hashes(folder)), None)
@@ -419,7 +419,7 @@ class Sessions:
             self.messages.warn(text)
 
     def _unfinished(self, file: SessionFile) -> str:
-        """Return what the last end of the program cut short; it is said once."""
+        """Return the work that the last end of the program interrupted; reported once."""
         text = file.database.meta(UNFINISHED)
         if text:
             file.set_meta(UNFINISHED, "")

@@ -1,4 +1,4 @@
-"""What is said of a session that can be opened again: its name, its takes and when it was saved."""
+"""Descriptions of sessions that can be reopened: name, takes and time of saving."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def time_text(since_1970_s: float) -> str:
     """Return a time (seconds since 1970) as day, month, hour and minute."""
     try:
         return time.strftime("%d %b %H:%M", time.localtime(since_1970_s))
-    except (OverflowError, ValueError, OSError):  # of a clock that was far off
+    except (OverflowError, ValueError, OSError):  # a wrong clock
         return "at an unknown time"
 
 

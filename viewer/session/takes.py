@@ -33,13 +33,13 @@ from viewer.scene.scene import Scene
 from viewer.session.playback import Playback
 from viewer.settings import Settings
 
-MAX_NOTE = 500  # characters
-SEARCHED_FROM = 8  # takes from which on the list can be searched
+MAX_NOTE_CHARACTERS = 500  # characters
+MIN_SEARCHED_TAKES = 8  # number of takes from which the list has a search field
 SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
-LONG_FRAMES = 20_000  # of a take whose pins and plants take longer than a user waits
+LONG_FRAMES = 20_000  # of a take whose pins and footplants take noticeably long
 RECORDED_NAME = re.compile(r"(?:Take|Last seconds) (\d{1,9})")
 LoadedFrames = tuple[Clip, InputRecording | None, SportError | None]  # see `_loaded`
-RECORDED_FRAMES = 10  # that are written down together: six times a second
+RECORDED_FRAMES = 10  # written at once: six times a second
 
 
 @dataclass
@@ -52,17 +52,17 @@ class Takes:
     inputs: InputRecorder
     recorder: ClipRecorder = field(default_factory=ClipRecorder)
     playback: Playback | None = None
-    search: str = ""  # words that the list is searched for
+    search: str = ""  # text of the list's search field
     renaming: int = LIVE  # the take whose name is being typed
-    noting: bool = False  # its note in the place of its name
+    noting: bool = False  # the note is typed instead of the name
     new_name: str = ""
     naming_begins: bool = False
-    # by the number of a take that was opened in this run: its file, and the animations there
+    # for takes opened in this run: the file and its animations, by number
     animations: dict[int, tuple[Path, tuple[str, ...]]] = field(default_factory=dict)
     _recording: Recording | None = None
-    _written: int = 0  # number of the first frame that is not written down yet
-    _known: object = None  # the last keyframe and change that are written down
-    _seen: tuple[Terrain, Terrain] | None = None  # a ground, as a take of another size sees it
+    _written: int = 0  # number of the first frame not yet written
+    _known: object = None  # the last keyframe and change written
+    _seen: tuple[Terrain, Terrain] | None = None  # a ground, and the same at the scale of a take
 
     def __post_init__(self) -> None:
         self.editor.followers.append(self.follow)
@@ -93,7 +93,7 @@ class Takes:
     def follow(self, before: Session, now: Session) -> None:
         """Update the playing take after an edit; stop playback if the take is gone or the ground was changed."""
         if before.ground is not None and now.ground != before.ground:
-            self.close_playback()  # it would float over that
+            self.close_playback()  # it would float above the new ground
         if self.playback is not None:
             self._follow_played(self.playback, now)
         if self.renaming != LIVE and now.take(self.renaming) is None:
@@ -140,7 +140,7 @@ class Takes:
             self.inputs.mark_style(StyleChange(0, z, seconds, event, blend), holds)
 
     def mark_style_in_force(self, style: StyleChange) -> None:
-        """Record the style of a take that the live controller has already."""
+        """Record the style of a take that the live controller already has."""
         event = style.event
         self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
         self.inputs.mark_style(style, holds=True)
@@ -156,7 +156,7 @@ class Takes:
             self._write_down(self._recording)
 
     def _write_down(self, recording: Recording) -> None:
-        """Write what was recorded since the last time to the file."""
+        """Write the newly recorded frames to the file."""
         first, begin = self._written, self.recorder.take_first
         rows = self.recorder.rows(first)
         if begin is None or not len(rows):
@@ -204,7 +204,7 @@ class Takes:
         self._keep("Take", self.recorder.stop, recording)
 
     def _free_name(self, kind: str) -> str:
-        """Return a name with the next number of those that were recorded, whatever else was opened; removed ones count."""
+        """Return a name with the next number of the recorded takes, counting removed ones, but not opened files."""
         history = self.editor.history
         names = {
             take.made.header.name
@@ -229,7 +229,7 @@ class Takes:
         return origin_of(self.scene.controller, self.scene.terrain_spec)
 
     def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip], recording: Recording | None) -> None:
-        """Close a piece of the live take: what `cut(name, terrain, origin)` makes of the memory comes into the list."""
+        """End a piece of the live take: add the clip made by `cut(name, terrain, origin)` to the list."""
         name = self._free_name(kind)
         try:
             clip = cut(name, self.scene.terrain_spec, self._origin)
@@ -309,7 +309,7 @@ class Takes:
 
     @property
     def searchable(self) -> bool:
-        return len(self.session.takes) >= SEARCHED_FROM
+        return len(self.session.takes) >= MIN_SEARCHED_TAKES
 
     @property
     def found(self) -> list[Take]:
@@ -353,7 +353,7 @@ class Takes:
         self.editor.do("rating of a take", lambda session: session.with_take(number, rating=stars))
 
     def set_note(self, number: int, text: str) -> None:
-        text = " ".join(printable(text).split())[:MAX_NOTE]
+        text = " ".join(printable(text).split())[:MAX_NOTE_CHARACTERS]
         self.editor.do("note of a take", lambda session: session.with_take(number, note=text))
 
     def set_color(self, number: int, color: int) -> None:
@@ -366,7 +366,7 @@ class Takes:
         if take is None or take.motion is None:
             return
 
-        # a long take is shown at once, without its pins and plants until they are made
+        # a long take is shown at once, without its pins and footplants until they are applied
         long = take.frames > LONG_FRAMES
         shown = replace(take, poses=NO_EDITS) if take.poses and long else take
 
@@ -394,7 +394,7 @@ class Takes:
             return self.scene.ground
         take, inputs = playback.take, playback.inputs
         spec = self.scene.terrain_spec if take.ground is None else take.ground.spec
-        if playback.live is not self.scene.terrain:  # another one was chosen meanwhile: it is shown on that
+        if playback.live is not self.scene.terrain:  # the live ground was changed meanwhile: it is shown
             playback.terrain, spec = self.scene.terrain, self.scene.terrain_spec
         elif inputs is not None:
             change = inputs.ground(playback.frame)
@@ -409,7 +409,7 @@ class Takes:
 
     def play_or_pause(self, number: int = LIVE) -> None:
         """Play or pause a take; LIVE stands for the shown or selected one."""
-        self.end_recording()  # which selects what was recorded
+        self.end_recording()  # selects what was recorded
         if self.playback is not None and number in (LIVE, self.playback.number):
             self.playback.toggle()
         else:
@@ -426,7 +426,7 @@ class Takes:
 
 _ORDERS: dict[str, Callable[[Take], Any]] = {
     "name": lambda take: take.title.lower(),
-    "length": lambda take: take.range[0] - take.range[1],  # the longest first
+    "length": lambda take: take.range[0] - take.range[1],  # longest first
     "rating": lambda take: -take.rating,
 }
 
@@ -441,7 +441,7 @@ def _about(header: MotionHeader) -> str:
 
 
 def _loaded(take: Take) -> LoadedFrames:
-    """Return the frames of a take as they are shown, what drove it, and why that cannot be read; on any thread, FileError."""
+    """Return the shown frames of a take, its input, and why that cannot be read; thread-safe, FileError."""
     clip = take.clip
     try:
         return clip, None if take.mirrored else take.made.inputs, None

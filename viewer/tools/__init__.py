@@ -1,1 +1,1 @@
-"""Films and contact sheets drawn from files."""
+"""Contact sheets drawn from files."""

@@ -18,10 +18,10 @@ from runtime.terrain.height_map import Terrain
 from viewer.render.camera import FollowCamera, looked_at
 
 CELL_PIXELS = (200, 250)
-# turn from the character's facing and pitch, radians: a three-quarter view, and one where ground would hide the character
+# turn from the character's facing and pitch, radians: a three-quarter view, and one for ground that would hide the character
 FRONT_VIEW_RAD, BACK_VIEW_RAD = (2.5, 0.12), (0.75, 0.3)
 DISTANCE_M = 3.6
-SETTLED_S = 10.0  # after which a camera has risen to where it clears the ground
+SETTLED_S = 10.0  # time for the camera to rise above the ground
 
 
 def cell_camera(pose: Pose, ground: Terrain, view_rad: tuple[float, float]) -> FollowCamera:

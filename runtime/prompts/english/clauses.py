@@ -1,4 +1,4 @@
-"""Parser for clauses that say what a part does: "left arm hanging", "limping on the right leg", "hands on hips"."""
+"""Parser for clauses that describe a body part: "left arm hanging", "limping on the right leg", "hands on hips"."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from runtime.skeleton import PART_NAMES
 
 _LIMBS = ("arm", "leg")
 _OF_A_PERSON = word_set("left right both two his her their its my your")  # owners of a limb
-_PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # targets of phrases, and whose actions they are
+_PAIRS = {"arms": "arm", "legs": "leg", "one_leg": "leg"}  # phrase targets and their parts
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class ParsedPrompt:
 
 
 def parse_clauses(prompt: str, known: Known = lambda _: False) -> ParsedPrompt:
-    """Split the statements about body parts off a prompt; several about one part are joined. `known`: see `name_sides`."""
+    """Split clauses about body parts off a prompt; several about one part are joined. `known`: see `name_sides`."""
     rules = grammar()
     text, hand = name_sides(_plain(prompt), known)
     pieces = rules["separators"].split(with_commas(text))
     leg = only_side(match["side"] for match in rules["sided_leg"].finditer(text)) or "right"
     parts: dict[str, str] = {}
-    denied: set[str] = set()  # parts of which no more is known than what they do not do
+    denied: set[str] = set()  # parts known only by what they do not do
     rest: list[str] = []
     for i in range(0, len(pieces), 2):
         link = pieces[i - 1] if i else ""
@@ -60,14 +60,14 @@ def _plain(prompt: str) -> str:
 
 
 def _without_timing(match: Match) -> str:
-    """Return nothing, or the end of the clause where another begins: "bouncing with each step, knees bent"."""
+    """Return nothing, or a clause end where another clause follows: "bouncing with each step, knees bent"."""
     if match["halts"]:
         return match.group()
     return "," if grammar()["clause_opening"].match(match.string, match.end() + 1) else ""
 
 
 def _without_idle_words(match: Match) -> str:
-    """Return "his hands" of "his freshly washed hands", where no rule of the part reads the words before it."""
+    """Return "his hands" for "his freshly washed hands", unless a rule of the part uses the words before it."""
     rules = grammar()
     group = rules.groups[rules.group_of(match["noun"])]
     told = rules.sentence(group.actions, match["words"]) or rules["told"].search(match["words"])
@@ -79,12 +79,12 @@ def _add(parts: dict[str, str], found: dict[str, str], denied: set[str], denies:
         if part not in parts or (part in denied and not denies):
             parts[part] = description
             (denied.add if denies else denied.discard)(part)
-        elif not denies:  # "head down, never looks up": what is denied adds nothing to what is said
+        elif not denies:  # "head down, never looks up": a denial adds nothing to a statement
             parts[part] = _joined(parts[part], description)
 
 
 def _take_back(parts: dict[str, str], found: dict[str, str]) -> None:
-    """Forget what was said of two limbs together where an exception follows: "both arms swing but the right one barely"."""
+    """Drop the description of both limbs if an exception follows: "both arms swing but the right one barely"."""
     for limb in _LIMBS:
         pair = {f"{side}_{limb}" for side in OPPOSITE}
         if pair <= parts.keys() and len(pair & found.keys()) == 1:
@@ -92,10 +92,10 @@ def _take_back(parts: dict[str, str], found: dict[str, str]) -> None:
 
 
 def _parse_clause(clause: str, leg: str) -> tuple[dict[str, str], str]:
-    """Return parts that a clause describes, and what of it does not; `leg` is the one that limps where none is named."""
+    """Return the parts that a clause describes, and the rest of the clause; `leg` limps if no leg is named."""
     for name in ("noun_clause", "loose_clause"):
         noun = grammar()[name].match(clause)
-        # "head teacher", "back pain" are nobody's head and back
+        # "head teacher", "back pain" do not describe head and back
         if noun and name == "loose_clause" and not set(noun["owners"].split()) & _OF_A_PERSON:
             continue
         if noun and (stated := _noun_parts(noun, noun["rest"], verbatim=name == "noun_clause")):
@@ -114,7 +114,7 @@ def _parse_clause(clause: str, leg: str) -> tuple[dict[str, str], str]:
 
 
 def _verb_parts(clause: str) -> tuple[dict[str, str], str]:
-    """Return what a verb before a part's name says of it, and the clause up to there: "a zombie with raised arms"."""
+    """Return the parts described by a verb before their name, and the clause before it: "a zombie with raised arms"."""
     rules = grammar()
     verb = rules["verb_clause"].search(clause)
     if not verb:
@@ -128,7 +128,7 @@ def _verb_parts(clause: str) -> tuple[dict[str, str], str]:
 
 
 def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
-    """Return descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
+    """Return descriptions from a clause with a part's name; the clause itself if no rule knows its action."""
     rules = grammar()
     noun, owners = match["noun"], match["owners"].split()
     if rules["no_clause"].search(match["rest"].strip()):  # "hand in hand"
@@ -146,7 +146,7 @@ def _noun_parts(match: Match, action: str, verbatim: bool) -> dict[str, str]:
 
 
 def _denial(match: Match) -> str:
-    """Return the denial among the owners of a part and the three words before them: "never" of "never moving the arms"."""
+    """Return the denial among a part's owners and the three words before them: "never" in "never moving the arms"."""
     before = match.string[: match.start(2) if match.re.groups > 1 else 0].split()[-3:]
     denial = grammar()["denies"].search(" ".join([*before, match["owners"]]))
     return f"{denial.group()} " if denial else ""
@@ -163,7 +163,7 @@ def _phrase_parts(match: Match, target: str, looked_up: str, leg: str) -> dict[s
 
 
 def _described(group: str, sides: tuple[str, ...], words: str) -> dict[str, str]:
-    """Return the trained sentences for an action of a group's parts, or {} when no rule knows it."""
+    """Return the trained sentences for an action of a group's parts, or {} if no rule knows it."""
     rules = grammar()
     found = rules.groups[group]
     if rules["denies"].search(words):
@@ -184,7 +184,7 @@ def _sides(owners: list[str], plural: bool) -> tuple[str, ...]:
 def _sided(group: str, sides: tuple[str, ...], template: str) -> dict[str, str]:
     if group not in _LIMBS:
         return {group: template}
-    # str.replace and not format: the user's own words may hold braces
+    # str.replace, because the user's words may contain braces
     found = {f"{side}_{group}": template.replace("{s}", side) for side in sides}
     return {part: found[part] for part in PART_NAMES if part in found}
 

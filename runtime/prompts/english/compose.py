@@ -1,4 +1,4 @@
-"""Several entries of the library made into one set of six descriptions, part by part, on the side that is meant."""
+"""Combines several library entries into one set of six descriptions, part by part and on the intended side."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from runtime.prompts.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
-BROAD = 5  # an entry that defines so many parts is a whole figure or scene
+WHOLE_FIGURE_PARTS = 5  # an entry that defines this many parts is a whole figure or scene
 TEMPERATURE = 0.06  # of the softmax over the similarities of neighbours
-# What decides a part when several entries define it: what the body must do before what it feels.
+# Priority of entries that define the same part: physical constraints before feelings.
 _ORDER = (
     "bodies ages walks emotions minds dances sports situations weather ground injuries loads occupations posture steps "
     "arms"
@@ -35,16 +35,16 @@ _BUSY_LEG = re.compile(
     r"limping|dragging|trailing|hopping|springing off|off the ground|stiff and straight|low kick|hanging"
 )
 
-# what is said of a part that leaves room for what its figure does with it: steps of a size or pace, and a lean
+# statements about a part that can be combined with its figure's: step size or pace, and lean
 _OF_STEPS = re.compile(r"\b(?:taking|stepping)\b(?!.*\b(?:foot|feet|knees?|toes|heavily|softly)\b)")
 _OF_PACE = re.compile(r"\b(?:slow|quick|brisk|fast|hurr|short|long|tiny)")
 _PACED_STEPS = re.compile(rf"^(?!.*\b(?:foot|knee|running|dragging)\b)(?=.*\bstep).*{_OF_PACE.pattern}")
 _PACE_ALONE = re.compile(r"^\w+ leg stepping (slowly|quickly), steps of normal length$")
-_OF_PLACE = {"outward", "toe_out"}  # targets of where feet are
+_OF_PLACE = {"outward", "toe_out"}  # targets of the feet's placement
 _OF_LEAN = re.compile(r"^torso leaning\b(?!.*,)")
 _SWAYS = re.compile(r"\b(?:rock|waddl|sway|bounc|bobb|roll|twist|wobbl)\w*")
 
-Worth = Callable[[int, str], float]  # of an entry's sentence of a part, up to 1: how much of it a walk shows
+Worth = Callable[[int, str], float]  # how well (up to 1) a walk shows an entry's sentence of a part
 
 
 def compose_elements(
@@ -54,13 +54,13 @@ def compose_elements(
     neutral: int,
     worth: Worth,
 ) -> dict[str, int]:
-    """Return the library entry for each part's words: figures, moods, loads and grounds combined on one body.
+    """Return the library entry for each part's words: figures, moods, loads and grounds combined in one body.
 
     Each part takes the strongest entry that defines it; among equally strong ones, the sentence that the model shows
-    best. Without a figure the strongest entry moves the whole body, unless it is "slightly".
+    best. Without a figure the strongest entry defines the whole body, unless it is "slightly".
     """
     chosen = _without_mentioned([e for e in elements if not e.only], entries)
-    figures = [e for e in chosen if len(entries[e.entry].defines) >= BROAD]
+    figures = [e for e in chosen if len(entries[e.entry].defines) >= WHOLE_FIGURE_PARTS]
     modifiers = [e for e in chosen if e not in figures]
     sources = dict.fromkeys(PART_NAMES, _base(modifiers, entries, neutral))
     if figures:
@@ -75,7 +75,7 @@ def compose_elements(
 def pace_as_stated(
     elements: Sequence[Element], read: Sequence[Element], entries: tuple[LibraryEntry, ...]
 ) -> tuple[list[Element], dict[str, str]]:
-    """Return the elements and what they state of the legs, without entries in `read` that merely set a pace.
+    """Return the elements and their statements about the legs, without entries in `read` that merely set a pace.
 
     They are only left out if another entry moves the legs.
     """
@@ -88,19 +88,19 @@ def pace_as_stated(
 
 
 def with_figure(stated: Mapping[str, str], figure: Mapping[str, str]) -> dict[str, str]:
-    """Return what a prompt states of parts, with those clauses of its figure added that agree: turned-out feet that trudge."""
+    """Return a prompt's statements about parts plus the compatible clauses of its figure: turned-out feet that trudge."""
     return {part: _with_figure(part, words, figure[part]) for part, words in stated.items()}
 
 
 def _with_figure(part: str, words: str, figure: str) -> str:
     pace, plain = _PACE_ALONE.search(words), PLAIN_LEG.format(side=part.split("_")[0])
-    if pace and figure != plain:  # a zombie that walks slowly drags its feet
+    if pace and figure != plain:  # a zombie that walks slowly still drags its feet
         return f"{figure}, walking {pace[1]}"
     return ", ".join([words, *_agreeing(part, words, figure)])
 
 
 def _agreeing(part: str, words: str, figure: str) -> list[str]:
-    """Return the clauses of a figure's sentence of a part that leave what is stated of it as it is."""
+    """Return the clauses of a figure's sentence for a part that do not contradict the statement."""
     clauses = figure.split(", ")
     if part == "torso":
         swaying = [c for c in clauses if _SWAYS.search(c) and "lean" not in c]
@@ -113,12 +113,12 @@ def _agreeing(part: str, words: str, figure: str) -> list[str]:
 def _agreeing_of_leg(part: str, words: str, clauses: Sequence[str]) -> list[str]:
     targets = targets_of(part, words)
     asked = targets.keys() - {PACE}
-    shown = {c: targets_of(part, c).keys() - {PACE} for c in clauses}  # by an edit, beside its speed
+    shown = {c: targets_of(part, c).keys() - {PACE} for c in clauses}  # shown by an edit, besides its speed
     free = [c for c in clauses if shown[c].isdisjoint(asked)]
     by_edits = list(filter(shown.get, free))
     narrow = targets.get("outward", (USUAL_OUTWARD_M,))[0] < USUAL_OUTWARD_M
     if narrow and by_edits[:1] != free[:1]:
-        return []  # on a line feet keep their balance in plain steps, if they do not shuffle or the like
+        return []  # on a line feet balance in plain steps, if they do not shuffle
     if _OF_STEPS.search(words):
         return [c for c in by_edits if not _OF_STEPS.search(c)][:1]
     return _agreeing_in_pace(words, asked, free)
@@ -126,9 +126,9 @@ def _agreeing_of_leg(part: str, words: str, clauses: Sequence[str]) -> list[str]
 
 def _agreeing_in_pace(words: str, asked: Set[str], free: list[str]) -> list[str]:
     paced = _OF_PACE.search(words) is not None
-    if asked and asked <= _OF_PLACE:  # where feet are says nothing of how they step
+    if asked and asked <= _OF_PLACE:  # foot placement says nothing about the step
         return [c for c in free if not (paced and _PACED_STEPS.search(c))]
-    plain = asked or "lifted" in words  # and not a gait of its own: limping, stomping
+    plain = asked or "lifted" in words  # without a gait of its own such as limping or stomping
     return list(filter(_PACED_STEPS.search, free))[:1] if plain and not paced else []
 
 
@@ -140,7 +140,7 @@ def _base(modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], neutr
 def _modified(
     modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...], worth: Worth
 ) -> dict[str, int]:
-    """Return for each part that moods, loads and the like define the strongest of them."""
+    """Return, for each part, the strongest of the moods, loads and the like that define it."""
     strongest = {}
     for part in PART_NAMES:
         telling = [e for e in modifiers if part in entries[e.entry].defines]
@@ -153,7 +153,7 @@ def _modified(
 def _show_all(
     sources: dict[str, int], modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...]
 ) -> None:
-    """Give an entry that lost every part it defines the one least missed: "a happy drunk" keeps a happy head."""
+    """Give an entry that lost all its parts the one least missed: "a happy drunk" keeps a happy head."""
     for element in modifiers:
         if element.entry in sources.values():
             continue
@@ -170,7 +170,7 @@ def _of_figures(
     figures: Sequence[Element], entries: tuple[LibraryEntry, ...], embeddings: LibraryEmbeddings, neutral: int
 ) -> dict[str, int]:
     sources = _figure_parts(figures, entries, embeddings, neutral)
-    for i in {e.entry for e in figures} - {neutral}:  # who hurries does so with the legs, whoever it is
+    for i in {e.entry for e in figures} - {neutral}:  # hurrying shows in the legs of any figure
         if entries[i].category == "walks" and entries[i].defines == PART_NAMES:
             sources.update(dict.fromkeys(_GROUPS["legs"], i))
     return sources
@@ -179,7 +179,7 @@ def _of_figures(
 def _figure_parts(
     figures: Sequence[Element], entries: tuple[LibraryEntry, ...], embeddings: LibraryEmbeddings, neutral: int
 ) -> dict[str, int]:
-    """Return which of the figures moves each part: the two strongest divide arms, legs, torso and head by what is unusual."""
+    """Return which figure defines each part: the two strongest divide arms, legs, torso and head by distinctiveness."""
     ranked = sorted(figures, key=lambda e: -_figure_strength(e, entries))
     sources = dict.fromkeys(PART_NAMES, ranked[0].entry)
     others = [e for e in ranked if e.entry != ranked[0].entry]
@@ -194,7 +194,7 @@ def _figure_parts(
         if set(parts) <= set(entries[second].defines)
     }
     order = sorted(gains, key=lambda name: -gains[name])
-    # each of the two is seen somewhere
+    # each of the two must be visible
     given = order[:1] + [name for name in order[1 : len(_GROUPS) - 1] if gains[name] > 0]
     for name in given:
         sources.update(dict.fromkeys(_GROUPS[name], second))
@@ -204,9 +204,9 @@ def _figure_parts(
 def compose_neighbours(
     ranked: Sequence[tuple[int, float]], embeddings: LibraryEmbeddings, worth: Worth
 ) -> dict[str, int]:
-    """Return, for each part, the neighbour (entry, similarity) that the neighbours agree on most, weighted by similarity and worth.
+    """Return, for each part, the neighbour (entry, similarity) that the others agree with most, weighted by similarity and worth.
 
-    Both arms come from one neighbour, and both legs too, since they move against each other.
+    Both arms come from one neighbour, and both legs too, since their motions are coordinated.
     """
     indices = [i for i, _ in ranked]
     weights = softmax(np.array([s for _, s in ranked], np.float32) / TEMPERATURE)
@@ -244,7 +244,7 @@ def softmax(x: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _without_mentioned(elements: Sequence[Element], entries: tuple[LibraryEntry, ...]) -> list[Element]:
-    """Return the elements without figures that are only mentioned: a second one counts when compared or joined with."""
+    """Return the elements without figures that are only mentioned: a second figure must be compared or joined."""
     chosen: list[Element] = []
     figures = 0
     for element in elements:
@@ -260,7 +260,7 @@ def _strength(element: Element, entries: tuple[LibraryEntry, ...]) -> float:
 
 
 def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> float:
-    # "walks like a penguin" is about the penguin; a figure is more than a scene
+    # "walks like a penguin" is about the penguin; a figure outranks a scene
     figure = 1.1 if entries[element.entry].category in FIGURES else 1.0
     return element.similarity * element.degree * figure * (1.3 if element.after_like else 1.0)
 
@@ -273,7 +273,7 @@ def words_of_parts(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -
 def entry_side(entry: LibraryEntry) -> str:
     """Return the side on which an entry acts, or "" if both sides do the same.
 
-    The entry's name decides ("limping on the left leg"), else the one leg that it defines, else the limb that is not idle.
+    The entry's name decides ("limping on the left leg"), else the only leg it defines, else the limb that is not idle.
     """
     legs = [part.removesuffix("_leg") for part in entry.defines if part.endswith("_leg")]
     spoken = SIDE.findall(entry.prompt) or (legs if len(legs) == 1 else [])
@@ -294,7 +294,7 @@ def lame_leg(said: Mapping[str, str]) -> str:
 
 
 def lame_on(entry: LibraryEntry, side: str) -> LibraryEntry:
-    """Return the entry, mirrored if it limps on the other side: a pirate who drags the left leg has no wooden right one."""
+    """Return the entry, mirrored if it limps on the other side: a pirate dragging the left leg has no wooden right one."""
     return on_side(entry, side) if lame_leg(entry.descriptions.to_mapping()) else entry
 
 

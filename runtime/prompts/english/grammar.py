@@ -1,4 +1,4 @@
-"""The rules by which a prompt says outright what a body part does, read from assets/prompts/clauses.toml."""
+"""Grammar of explicit statements about body parts in prompts, read from assets/prompts/clauses.toml."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import Any
 from runtime.assets import asset_path
 from runtime.errors import FileError
 
-Sentences = str | tuple[str, str, str]  # one, or slightly, plainly and far
-Rules = tuple[tuple[re.Pattern[str], Sentences], ...]  # in no order: the longest match counts
+Sentences = str | tuple[str, str, str]  # one sentence, or those for slightly, plainly and strongly
+Rules = tuple[tuple[re.Pattern[str], Sentences], ...]  # unordered: the longest match wins
 Match = re.Match[str]
 
 
@@ -29,8 +29,8 @@ class Group:
 class Grammar:
     """The rules of clauses.toml: `groups` by name, `phrases` (pattern, group of the action, what is looked up), and relations.
 
-    Relations are patterns with their replacement, with {side}, {other} and the pattern's groups. `before` are applied
-    before the limbs have sides, `after` later, `things` where the library does not know the thing itself.
+    Relations are patterns with a replacement, which may use {side}, {other} and the pattern's groups. `before` are applied
+    before limbs are assigned sides, `after` afterwards, `things` if the library does not know the thing itself.
     """
 
     def __init__(self, file: dict[str, Any]) -> None:
@@ -62,7 +62,7 @@ class Grammar:
         return next(name for name, group in self.groups.items() if group.nouns.fullmatch(noun))
 
     def sentence(self, rules: Rules, words: str) -> str | None:
-        """Return the sentence of the rule with the longest match, adapted to degrees such as "slightly"."""
+        """Return the sentence of the rule with the longest match, for its degree such as "slightly"."""
         found = [(*_rank(match), said) for pattern, said in rules for match in pattern.finditer(words)]
         said = max(found, key=lambda one: one[:-1])[-1] if found else None
         if said is None or isinstance(said, str):
@@ -79,7 +79,7 @@ class Grammar:
         return tuple((self._compiled(pattern), self._named(said)) for pattern, said in rules)
 
     def _named(self, said: Any) -> Any:
-        """Return sentences in place of their names; a sentence without a name is its own."""
+        """Return named sentences by their names; an unknown name is itself the sentence."""
         return self._sentences.get(said, said) if isinstance(said, str) else tuple(map(self._named, said))
 
     def _compiled(self, pattern: str) -> re.Pattern[str]:
@@ -103,7 +103,7 @@ def grammar() -> Grammar:
 def replaced(
     text: str, rules: Iterable[tuple[re.Pattern[str], Any]], words: Callable[[Match, Any], str | None]
 ) -> str:
-    """Replace what the rules match by `words` (None: keep it); of overlapping matches the longest wins.
+    """Replace matches of the rules by `words` (None: keep the match); of overlapping matches the longest wins.
 
     A group named "start" is context: it is matched and kept.
     """
@@ -126,11 +126,11 @@ def _start(match: Match) -> int:
 
 
 def _rank(match: Match) -> tuple[int, int, int, str]:
-    """Return what orders matches: longer ones first, then earlier ones, then those of the longer pattern."""
+    """Return the sort key of matches: longer first, then earlier, then longer pattern."""
     start = _start(match)
     return match.end() - start, -start, len(match.re.pattern), match.re.pattern
 
 
 def _joined(pattern: str) -> str:
-    """Return a pattern without the line ends at which the file wraps it."""
+    """Return a pattern without the file's line breaks."""
     return re.sub(r"\n *", "", f"\n{pattern}")

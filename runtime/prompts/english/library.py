@@ -1,4 +1,4 @@
-"""Prompts without key or network: part clauses are parsed, the rest comes from the nearest library entries."""
+"""Prompts without key or network: body-part clauses are parsed, the rest comes from the nearest library entries."""
 
 from __future__ import annotations
 
@@ -50,27 +50,27 @@ from runtime.prompts.phrasing import adherence_of
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 
-# Cosine similarities of prompts, set on the first lists of tests/runtime/prompts/bodily_prompts.txt.
-NEAR_COSINE = 0.62  # the best entry is taken whole
-GUESS_COSINE = 0.56  # below, neighbours are a guess that is wrong more often than not
-# words that an entry must explain more than the phrases found do, to be taken in place of them
+# Cosine similarities, tuned on the first lists of tests/runtime/prompts/bodily_prompts.txt.
+NEAR_COSINE = 0.62  # the best entry is used as a whole
+GUESS_COSINE = 0.56  # below it, neighbours are wrong more often than not
+# how many more words an entry must explain than the phrases found, to replace them
 WHOLE_ENTRY_FRACTION = 0.3
-CERTAIN_COSINE = 0.85  # what an entry needs that has only a part's name in common with the prompt
-# the same where that is a single word, or one beside a part's name: their neighbours are many
+CERTAIN_COSINE = 0.85  # needed by an entry that shares only a part's name with the prompt
+# the same for a single word, or one next to a part's name, which have many neighbours
 ONE_WORD_COSINE = 0.72
-CLOSE_COSINE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
-PLAIN_PENALTY_SCORE = 0.2  # neutral walks are like everything that "walks": a style is none
-ANIMAL_MARGIN_SCORE = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
-# by which a sentence that no walk shows counts less than one that is shown whole
+CLOSE_COSINE = 0.8  # a prompt so near an entry is about a body, whatever its bodily score
+PLAIN_PENALTY_SCORE = 0.2  # of neutral entries, which are similar to any prompt with "walks"
+ANIMAL_MARGIN_SCORE = 0.25  # allowed below a bodily score of 0 if an animal is named: "a dog after a bath"
+# penalty on a sentence that no walk shows
 UNSEEN_PENALTY_FRACTION = 0.15
-NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
-SAME_GESTURE_COSINE = 0.66  # cosine from which two sentences of an arm are one gesture
-MAX_STRETCHES = 4  # embedded for one prompt
+MAX_NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
+SAME_GESTURE_COSINE = 0.66  # between two sentences of an arm that describe the same gesture
+MAX_STRETCHES = 4  # embedded per prompt
 _OF_ONE_ARM = re.compile(r"\b(?:left|right|one)\b")
-LIMP = "limping on the {s} leg"  # an entry of the library
+LIMP = "limping on the {s} leg"  # a library entry
 _REMEDY = "Write English, choose a language model, or install sport-viewer[languages]."
 _NOTHING = "Nothing was understood of"
-Near = tuple[tuple[str, float], ...]  # prompts of the library with their cosine similarity, best first
+Near = tuple[tuple[str, float], ...]  # library prompts with their cosine similarity, best first
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class _Library:
     embeddings: LibraryEmbeddings
     phrases: PhraseIndex
     spelling: Spelling
-    neutral: int  # its entry
-    plain: list[int]  # entries that are neutral in one way or another
+    neutral: int  # index of its entry
+    plain: list[int]  # indices of entries that are variants of neutral
 
     @property
     def entries(self) -> tuple[LibraryEntry, ...]:
@@ -88,9 +88,9 @@ class _Library:
 
 
 class LibraryExpander:
-    """Expands prompts by the library at `library_path` (with styles.json and library.npz next to it).
+    """Expands prompts with the library at `library_path` (with styles.json and library.npz next to it).
 
-    Of similar sentences it takes those that the shipped model shows best. Files are read at the first `expand`;
+    Of similar sentences it prefers those that the shipped model shows best. Files are read at the first `expand`;
     embeddings are computed then if the stored ones do not fit.
     """
 
@@ -104,7 +104,7 @@ class LibraryExpander:
         library = self._library
         whole = library.phrases.whole(prompt)
         if whole is not None:
-            others = [(i, s) for i, s in self._rank(prompt) if i != whole][:NEIGHBOURS]
+            others = [(i, s) for i, s in self._rank(prompt) if i != whole][:MAX_NEIGHBOURS]
             return self._expansion(whole, self._near([(whole, 1.0), *others]), {}, "")
         if is_foreign(prompt, library.phrases.known):
             return self._in_another_language(prompt)
@@ -116,7 +116,7 @@ class LibraryExpander:
         return replace(expansion, note=f"{note[0].upper()}{note[1:]}. {expansion.note}".strip())
 
     def _in_another_language(self, prompt: str) -> Expansion:
-        """Return the entry nearest by meaning, where its multilingual encoder is installed; else neutral with the remedy."""
+        """Return the entry nearest in meaning if the multilingual encoder is installed; else neutral with the remedy."""
         ranked = self._languages.nearest(prompt)
         if ranked and ranked[0][1] >= other_languages.NEAR_COSINE:
             near = self._near(ranked)
@@ -144,17 +144,17 @@ class LibraryExpander:
         return replace(expansion, source="explicit") if parsed.parts else expansion
 
     def _knows_thing(self, text: str) -> bool:
-        """Return whether one of the library's phrases holds the last word of a text: the "cart" of "pushing the cart"."""
+        """Return whether a library phrase contains the last word of a text: the "cart" of "pushing the cart"."""
         words = words_of(text)
         return any(e.end == len(words) for e in read_phrases(words, self._library.phrases).elements)
 
     def _expand_rest(self, parsed: ParsedPrompt, words: list[Word]) -> Expansion:
-        """Return what a prompt says beyond its clauses: by its phrases, by the nearest entries, or nothing."""
+        """Expand the rest of a prompt without its clauses: by its phrases, by the nearest entries, or not at all."""
         reading = read_phrases(words, self._library.phrases)
         entries = self._entries_on(named_side(_text(words)) or parsed.side, parsed.parts)
         note, text = "", parsed.rest
         if reading.denied:
-            note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."
+            note = f"Ignored, because it is denied: “{_short(', '.join(reading.denied))}”."
             text = reading.affirmed(words)
             if not text:
                 return self._denied(reading.denials, parsed.parts, note)
@@ -170,7 +170,7 @@ class LibraryExpander:
         library = self._library
         elements, paced = pace_as_stated(elements, reading.elements, library.entries)
         chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
-        # no similarity of single words: next to that of the whole prompt it is another figure for the same entry
+        # without similarities of single words, which would be a second number beside that of the whole prompt
         sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(
@@ -181,7 +181,7 @@ class LibraryExpander:
         )
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
-        """Return why words beside a prompt's phrases name no way of moving, "" where they do; `best` is the nearest cosine."""
+        """Return why words beside a prompt's phrases describe no movement, or "" if they do; `best` is the nearest cosine."""
         if not any(words[i].says for i in reading.left) or self._about_a_person(words, reading.elements):
             return ""
         if knows_no_word(text, self._library.phrases.known) and best < NEAR_COSINE:
@@ -194,7 +194,7 @@ class LibraryExpander:
     def _nearest_says_more(
         self, words: list[Word], reading: Reading, elements: list[Element], nearest: tuple[int, float]
     ) -> bool:
-        """Return whether the entry nearest to the whole prompt explains more of its words than its phrases do."""
+        """Return whether the entry nearest to the whole prompt explains more of its words than the phrases found."""
         entry, similarity = nearest
         # a figure: "nurse" alone would lose the tiredness of "a tired nurse at the end of …"
         figure = self._library.entries[entry].category in FIGURES and entry in {e.entry for e in elements}
@@ -214,20 +214,20 @@ class LibraryExpander:
         stated: dict[str, str],
         note: str,
     ) -> Expansion:
-        """Return the nearest entry, or what the nearest ones agree on; neutral when they are far."""
+        """Return the nearest entry, or the consensus of the nearest ones; neutral if they are far."""
         best, near = ranked[0][1], self._near(ranked)
         if best < GUESS_COSINE or self._only_a_part_in_common(text, ranked[0]):
             reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
             return self._neutral(near, stated, f"{reason} {note}".strip())
         if best >= NEAR_COSINE:
             return self._expansion(entries[ranked[0][0]].descriptions, near, stated, note)
-        chosen = compose_neighbours(ranked[:NEIGHBOURS], self._library.embeddings, self._worth)
+        chosen = compose_neighbours(ranked[:MAX_NEIGHBOURS], self._library.embeddings, self._worth)
         parts = sources_note(chosen, self._library.entries, dict(ranked))
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
         return self._expansion(words_of_parts(chosen, entries), near, stated, note)
 
     def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
-        """Return what a prompt that only denies asks for: the opposite where the library has one, else neutral."""
+        """Expand a prompt that only denies: the opposite if the library has one, else neutral."""
         entries = self._library.entries
         opposite = next((entries[i].opposite for i in denials if entries[i].opposite), "")
         if not opposite:
@@ -236,13 +236,13 @@ class LibraryExpander:
         return self._expansion(entry, ((opposite, 1.0),), stated, f"{note} In its place: “{opposite}”.")
 
     def _only_a_part_in_common(self, text: str, best: tuple[int, float]) -> bool:
-        """Return whether a text has only the name of a part in common with an entry about parts: another instruction."""
+        """Return whether a text and an entry about parts share only a part's name: it then asks for something else."""
         words = words_of(text)
         named = any(word.stem in PLACES for word in words) and not any(w.text in PERSONS for w in words)
         return named and best[1] < CERTAIN_COSINE and not self._has_a_word_of(words, best[0])
 
     def _has_a_word_of(self, words: list[Word], number: int) -> bool:
-        """Return whether an entry about arms, legs or posture has one of the words, parts' names aside; True for others."""
+        """Return whether an entry about arms, legs or posture shares a word besides parts' names; True for other entries."""
         entry = self._library.entries[number]
         if entry.category not in ("arms", "steps", "posture"):
             return True
@@ -252,7 +252,7 @@ class LibraryExpander:
         return any(word.stem.removesuffix("ing") in own for word in saying)
 
     def _entries_on(self, side: str, stated: dict[str, str]) -> tuple[LibraryEntry, ...]:
-        """Return the library's entries on the side of the body that a prompt names, "" for none, or on that of its lame leg."""
+        """Return the library's entries on the body side that a prompt names, "" for none, or on the side of its lame leg."""
         entries = self._library.entries
         if side:
             return tuple(on_side(entry, side) for entry in entries)
@@ -260,12 +260,12 @@ class LibraryExpander:
         return tuple(lame_on(entry, lame) for entry in entries) if lame else entries
 
     def _stretches(self, words: list[Word], left: tuple[int, ...], named: list[Element]) -> list[Element]:
-        """Return entries that stretches next to a prompt's phrases are like: "lethargic" in "a lethargic robot"."""
+        """Return entries similar to stretches of words next to a prompt's phrases: "lethargic" in "a lethargic robot"."""
         elements = []
         for start, end in _runs(words, left)[:MAX_STRETCHES]:
             entry, similarity = self._rank(_text(words[start:end]))[0]
             neighbours = [e for e in named if start in (e.start, e.end) or end == e.start]
-            # "a basketball player dribbling" does one sport, which is named
+            # "a basketball player dribbling" does one sport, which is already named
             named_sport = self._categories(neighbours) & {"dances", "sports"}
             other = self._library.entries[entry].category in named_sport
             if not other and self._names(words[start:end], entry, similarity):
@@ -273,8 +273,8 @@ class LibraryExpander:
         return elements
 
     def _names(self, words: list[Word], entry: int, similarity: float) -> bool:
-        """Return whether some words, as similar as that to an entry, name it."""
-        # "with jerky arms" is like everything that has arms
+        """Return whether words with this similarity to an entry name it."""
+        # "with jerky arms" is similar to everything with arms
         one = sum(word.says for word in words) == 1 or any(word.stem in PLACES for word in words)
         least = ONE_WORD_COSINE if one else GUESS_COSINE
         alike = similarity >= least and (similarity >= CERTAIN_COSINE or self._has_a_word_of(words, entry))
@@ -284,22 +284,22 @@ class LibraryExpander:
         return {self._library.entries[e.entry].category for e in elements}
 
     def _about_a_person(self, words: list[Word], elements: Sequence[Element]) -> bool:
-        """Return whether a prompt names a person or asks for parts, so that it is about a body whatever else it says."""
+        """Return whether a prompt names a person or describes parts, so that it is about a body in any case."""
         person = bool(self._categories(elements) & {"characters", "occupations", "ages"})
         return person or any(word.text in PERSONS for word in words) or any(e.only for e in elements)
 
     def _worth(self, entry: int, part: str) -> float:
-        """Return how much a sentence of an entry counts next to others: all, or less where walks do not show it."""
+        """Return the weight of an entry's sentence: 1, or less if walks do not show it."""
         shown = adherence_of().of(getattr(self._library.entries[entry].descriptions, part), part)
         return 1.0 if shown is None else 1.0 - UNSEEN_PENALTY_FRACTION * (1.0 - shown)
 
     def _bodily(self, text: str) -> float:
-        """Return a score above 0 where a text is rather about a body than about nothing bodily."""
+        """Return a score that is positive for texts about a body."""
         weights = self._library.embeddings.bodily
         return float(self._encoder.encode([text])[0] @ weights[:-1] + weights[-1])
 
     def _neutral(self, near: Near, stated: dict[str, str], note: str) -> Expansion:
-        """Return the neutral entry with what is stated of parts; who limps does so with the whole body."""
+        """Return the neutral entry with the stated parts; a limp involves the whole body."""
         sides = [side for side in OPPOSITE if re.match("limping (?!slightly)", stated.get(f"{side}_leg", ""))]
         limp = self._library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
         return self._expansion(self._library.neutral if limp is None else limp, near, stated, note)
@@ -307,7 +307,7 @@ class LibraryExpander:
     def _expansion(
         self, base: PartDescriptions | int, near: Near, stated: dict[str, str], note: str
     ) -> Expansion:
-        """Return the descriptions `base`, or those of the entry of that number, with what a prompt states of parts."""
+        """Return the descriptions `base`, or those of the entry with that index, with the stated parts replaced."""
         said = self._library.entries[base].descriptions if isinstance(base, int) else base
         parts = tuple(part for part in PART_NAMES if part in stated)
         source: Literal["library", "explicit"] = "explicit" if parts == PART_NAMES else "library"
@@ -316,9 +316,9 @@ class LibraryExpander:
         return Expansion(words, source, near, note, parts)
 
     def _with_one_gesture(self, expansion: Expansion) -> Expansion:
-        """Return the expansion with a swinging other arm where the stated arm does what that one would do.
+        """Return the expansion with a swinging other arm if the stated arm already does that arm's gesture.
 
-        "Left palm on the forehead, as if having a headache": the right hand of the headache is not on the head too.
+        "Left palm on the forehead, as if having a headache": the headache's right hand is then not on the head too.
         """
         said = expansion.descriptions
         arms = [part for part in expansion.explicit_parts if part.endswith("arm")]
@@ -340,7 +340,7 @@ class LibraryExpander:
         by_entry = np.full(len(self._library.entries), -1.0, np.float32)
         np.maximum.at(by_entry, embeddings.entry_of, similarity)
         by_entry[self._library.plain] -= PLAIN_PENALTY_SCORE
-        order = np.argsort(-by_entry, kind="stable")[: NEIGHBOURS + 1]
+        order = np.argsort(-by_entry, kind="stable")[: MAX_NEIGHBOURS + 1]
         return [(int(i), float(np.clip(by_entry[i], -1.0, 1.0))) for i in order]
 
     def _near(self, ranked: list[tuple[int, float]]) -> Near:
@@ -368,7 +368,7 @@ class LibraryExpander:
 
 
 def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
-    """Return stretches (start, end) of neighbouring words of one clause among `left`, those that can name something."""
+    """Return runs (start, end) of adjacent words in one clause among `left` that may name something."""
     runs: list[list[int]] = []
     for i in left:
         if runs and runs[-1][-1] == i - 1 and words[i].clause == words[i - 1].clause:
@@ -383,12 +383,12 @@ def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
 
 
 def _explained(words: list[Word], elements: Iterable[Element]) -> float:
-    """Return the number of saying words of some elements, weighted by their similarity."""
+    """Return the number of meaningful words of some elements, weighted by similarity."""
     return sum(sum(word.says for word in words[e.start : e.end]) * e.similarity for e in elements)
 
 
 def _unread_limbs(words: list[Word], reading: Reading, elements: Sequence[Element]) -> str:
-    """Return what is said of a body part that no rule and no phrase took, or ""."""
+    """Return the text about a body part that no rule and no phrase covers, or ""."""
     taken = numbers_of(elements)
     unread = [
         _text(words[start:end])

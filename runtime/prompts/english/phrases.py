@@ -1,4 +1,4 @@
-"""Which of the library's phrases a prompt contains, word for word: the part of understanding that needs no embedding."""
+"""Finds the library's phrases in a prompt word for word: the part of understanding without embeddings."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from runtime.prompts.english.words import (
 from runtime.prompts.library_data import NEUTRAL_STYLE, LibraryEntry, PromptLibrary
 
 _SIMILE = re.compile(r"\b(?:as )?(?P<adjective>\w+) as (?:an? |the )?(?P<thing>\w+)\b(?! (?:if|though))")
-LONGEST = 9  # words of a phrase
-FIGURES = ("characters", "animals", "occupations")  # categories of who walks
+MAX_PHRASE_WORDS = 9  # words of a phrase
+FIGURES = ("characters", "animals", "occupations")  # categories that say who walks
 _THINGS = ("weather", "ground", "loads")
-_QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what they are like
+_QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories that say in which state
 _SAID_OF_ONE = (*_QUALITIES, "walks", "posture", "steps")
-SLIGHT_STRENGTH, STRONG_STRENGTH = 0.6, 1.2  # strength of "slightly drunk" and "very drunk" against "drunk"
+SLIGHT_STRENGTH, STRONG_STRENGTH = 0.6, 1.2  # of "slightly drunk" and "very drunk", relative to "drunk"
 _OBJECT_STARTS = word_set(
     "from by against toward towards of for after past to at with beside behind near before over on"
 )
@@ -41,7 +41,7 @@ _OF_STYLE = word_set("style manner way walk gait fashion kind sort steps moves")
 _OR, _EXCEPT = word_set("or nor"), word_set("but while who")
 _AGAIN = word_set("like as imitating impersonating mimicking being playing half part acting")
 _HALVES = {"upper": ("left_arm", "right_arm", "torso", "head"), "lower": ("left_leg", "right_leg")}
-# -ing forms that have no object: what follows "pretending to be" is the one who walks
+# -ing forms without an object: what follows "pretending to be" is the walking figure
 _INTRANSITIVE = word_set(
     "acting playing imitating impersonating mimicking pretending feeling looking moving walking dancing turning "
     "becoming being running going standing something nothing everything"
@@ -84,12 +84,12 @@ class PhraseIndex:
             words = words_of(text)
             self._whole.setdefault(key(words), number)
             plain_walk = library.entries[number].style.startswith(NEUTRAL_STYLE)
-            if len(words) <= LONGEST and (_says(words) or (len(words) > 1 and not plain_walk)):
+            if len(words) <= MAX_PHRASE_WORDS and (_says(words) or (len(words) > 1 and not plain_walk)):
                 self._phrases.setdefault(tuple(word.stem for word in words), number)
-        for number, entry in enumerate(library.entries):  # what is named in so many words comes first
+        for number, entry in enumerate(library.entries):  # exact names come first
             self._whole.setdefault(key(without_person(words_of(entry.prompt))), number)
         described = [" . ".join(entry.descriptions.as_tuple()) for entry in library.entries]
-        # English words for sure
+        # known English words
         texts = [*dict(named), *described, *library.nothing]
         self.known = distinct_words(texts) | finite_forms().keys()
 
@@ -122,7 +122,7 @@ class PhraseIndex:
         alone = sum(word.says for word in words) <= 1
         for start in range(len(words) - 1, -1, -1):
             gain[start] = gain[start + 1]
-            for end in range(start + 1, min(start + LONGEST, len(words)) + 1):
+            for end in range(start + 1, min(start + MAX_PHRASE_WORDS, len(words)) + 1):
                 entry = self._entry_of(words[start:end], alone)
                 found = max(sum(word.says for word in words[start:end]), 0.5) - 0.1 + gain[end]
                 if entry is not None and found > gain[start]:
@@ -142,7 +142,7 @@ class PhraseIndex:
             if stems[0] in self._alone and not alone:
                 return None
             return self._phrases.get(stems, self._phrases.get((_adjective(words[0].text),)))
-        # "a wooden left leg": which side it is comes later
+        # "a wooden left leg": its side is resolved later
         sideless = (stems[0], *(s for s in stems[1:-1] if s not in ("left", "right")), stems[-1])
         return self._phrases.get(stems, self._phrases.get(sideless))
 
@@ -151,7 +151,7 @@ class PhraseIndex:
 class Reading:
     """The entries found in a prompt: `elements` in order, indices of the words `left` over, and the words `denied`.
 
-    `mentioned` are entries of other beings (the bear of "afraid of a bear"); `denials` are the denied entries.
+    `mentioned` are entries of other beings (the bear in "afraid of a bear"); `denials` are the denied entries.
     """
 
     elements: tuple[Element, ...]
@@ -161,13 +161,13 @@ class Reading:
     denials: tuple[int, ...] = ()
 
     def affirmed(self, words: list[Word]) -> str:
-        """Return the prompt without what it denies, or "" if nothing meaningful is left."""
+        """Return the prompt without its denials, or "" if nothing meaningful is left."""
         kept = sorted({*self.left, *numbers_of(self.elements)})
         return " ".join(words[i].text for i in kept) if any(words[i].says for i in kept) else ""
 
 
 def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
-    """Return the entries that a prompt names, except what it denies ("not angry") or merely mentions."""
+    """Return the entries that a prompt names, except those it denies ("not angry") or merely mentions."""
     found = index.find(words)
     covered = numbers_of(found)
     gone, denied, denials = _denials(words, found, covered)
@@ -182,7 +182,7 @@ def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
 def _denials(
     words: list[Word], found: list[Element], covered: set[int]
 ) -> tuple[set[int], list[str], list[int]]:
-    """Return numbers of the words that are denied or deny, what is denied, and the entries among it."""
+    """Return indices of the words that deny or are denied, the denied texts, and the entries among them."""
     gone: set[int] = set()
     denied: list[str] = []
     entries: list[int] = []
@@ -191,7 +191,7 @@ def _denials(
             continue
         elements = _denied_elements(words, found, at)
         entries += [e.entry for e in elements]
-        # without any, "no energy" says what is there by what is not
+        # without any, "no energy" describes by negation
         for reach in _reaches(words, elements, at):
             if gone.isdisjoint(reach):
                 denied.append(" ".join(words[i].text for i in reach))
@@ -202,7 +202,7 @@ def _denials(
 
 
 def _reaches(words: list[Word], elements: list[Element], at: int) -> list[list[int]]:
-    """Return numbers of the words that a denial at `at` denies: of its elements, else of the rest of its clause."""
+    """Return indices of the words that a denial at `at` denies: an element's, else the rest of its clause."""
     if elements:
         return [list(range(e.start, e.end)) for e in elements]
     rest = _clause_rest(words, at) if words[at].text in NEGATIONS else []
@@ -239,9 +239,9 @@ def _clause_rest(words: list[Word], at: int) -> list[int]:
 def _subjects(
     words: list[Word], elements: list[Element], entries: tuple[LibraryEntry, ...]
 ) -> tuple[Element, ...]:
-    """Return elements that say how the one who walks moves, without others: "afraid of a bear" is no bear."""
+    """Return elements about how the walking figure moves: "afraid of a bear" does not make it a bear."""
     kept = _without_objects(words, elements, entries)
-    # "dancing" says no more in "dancing samba"
+    # "dancing" adds nothing in "dancing samba"
     kept = [e for i, e in enumerate(kept) if not _same_doing(kept[i : i + 2], entries)]
     ends = {element.end for element in kept}
     return tuple(
@@ -257,7 +257,7 @@ def _without_objects(
     objects, places = _zone(words, covered, _opens_object), _zone(words, covered, _opens_place)
     kept: list[Element] = []
     dropped_at = -1
-    for element in reversed(elements):  # an adjective goes with the noun behind it
+    for element in reversed(elements):  # an adjective belongs to the following noun
         follows = words[element.end : element.end + 1]
         figure = entries[element.entry].category in (*FIGURES, "ages") or element.end == dropped_at
         figure = figure or _any_in(follows, PERSONS)
@@ -266,7 +266,7 @@ def _without_objects(
         elif (
             element.only or element.start not in places or not _of_thing(element, elements, entries, follows)
         ):
-            # all but "in an old house"
+            # skips "in an old house"
             kept.insert(0, element)
     return kept
 
@@ -274,7 +274,7 @@ def _without_objects(
 def _of_thing(
     element: Element, elements: list[Element], entries: tuple[LibraryEntry, ...], follows: list[Word]
 ) -> bool:
-    """Return whether an element is a quality of what follows: a thing, or nothing that the library knows."""
+    """Return whether an element is an attribute of a following thing, or of something unknown to the library."""
     if entries[element.entry].category not in _QUALITIES or not _says(follows):
         return False
     thing = next((e for e in elements if e.start == element.end), None)
@@ -290,7 +290,7 @@ def _any_in(words: Sequence[Word], texts: frozenset[str]) -> bool:
 
 
 def _same_doing(two: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
-    """Return whether two elements are one dance or sport in neighbouring words."""
+    """Return whether two elements name one dance or sport in adjacent words."""
     if len(two) < 2 or two[0].end != two[1].start:
         return False
     categories = {entries[element.entry].category for element in two}
@@ -299,7 +299,7 @@ def _same_doing(two: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
 
 
 def _zone(words: list[Word], covered: set[int], opens: Callable[[list[Word], int], bool]) -> set[int]:
-    """Return numbers of the words behind one that `opens` a zone, up to a link or the clause's end."""
+    """Return indices of the words after one that `opens` a zone, up to a conjunction or the clause's end."""
     zone: set[int] = set()
     inside = False
     for i, word in enumerate(words):
@@ -327,7 +327,7 @@ def _of_style(words: list[Word], i: int) -> bool:
 
 
 def _named_parts(words: list[Word], start: int, end: int) -> tuple[str, ...]:
-    """Return the parts named right behind a phrase, or before it with "like" or "of": "robot arms", "the legs of a penguin"."""
+    """Return the parts named right after a phrase, or before it with "like" or "of": "robot arms", "the legs of a penguin"."""
     before = words[max(start - 2, 0) : start]
     at = end
     if len(before) == 2 and before[1].text in ("like", "of", "as") and not _is_part(words, end, start):
@@ -344,7 +344,7 @@ def _is_part(words: list[Word], at: int, start: int) -> bool:
 
 
 def _degree(words: list[Word], start: int) -> float:
-    """Return strength by the degree words right before an element."""
+    """Return the strength given by degree words right before an element."""
     for word in reversed(words[max(start - 3, 0) : start]):
         if word.text in SLIGHT:
             return SLIGHT_STRENGTH

@@ -1,4 +1,4 @@
-"""Where the clauses of a prompt begin, whether or not it has commas.
+"""Finds where the clauses of a prompt begin, with or without commas.
 
 "chin up chest out arms swinging long strides"   →  "chin up, chest out, arms swinging, long strides"
 "head down and turned to the left"               →  "head down, head turned to the left"
@@ -30,7 +30,7 @@ def _last_comma(text: str, end: int) -> int:
 
 
 def _opens(before: str, match: Match) -> int | None:
-    """Return where in `before`, the words of the clause up to a possible opening, a new one begins; None where none does."""
+    """Return where in `before`, the text up to a possible clause start, a clause begins; None if none does."""
     rules = grammar()
     degree = rules["degree_at_end"].search(before)
     if degree and match["subject"] is None:  # "arms crossed | slightly leaning"
@@ -46,7 +46,7 @@ def _opens(before: str, match: Match) -> int | None:
 
 
 def _before_keeping(before: str, words: list[str]) -> int | None:
-    """Return where a clause opens before a verb that keeps a part: "surgeon | holding his hands"."""
+    """Return where a clause begins before a verb that holds a part: "surgeon | holding his hands"."""
     rules, (*earlier, verb) = grammar(), words
     before = before.rstrip().removesuffix(verb)
     if not earlier or rules["noun_at_end"].search(before) or rules["no_opening_after"].fullmatch(earlier[-1]):
@@ -55,7 +55,7 @@ def _before_keeping(before: str, words: list[str]) -> int | None:
 
 
 def _before_posture(before: str, match: Match) -> int | None:
-    """Return where a clause opens with a posture, or with what a part does."""
+    """Return where a clause begins with a posture, or with a part's action."""
     if match["posture"] is None and not grammar()["part"].search(before):
         return None
     noun = grammar()["noun_at_end"].search(before)
@@ -63,7 +63,7 @@ def _before_posture(before: str, match: Match) -> int | None:
 
 
 def _before_subject(before: str, words: list[str]) -> int | None:
-    """Return where a clause opens with a part and what it does; `words` are those of `before`."""
+    """Return where a clause begins with a part and its action; `words` are those of `before`."""
     rules = grammar()
     last = words[-1]
     verb = rules["any_verb"].fullmatch(last)
@@ -78,7 +78,7 @@ def _before_subject(before: str, words: list[str]) -> int | None:
 
 
 def _before_verb(before: str, words: list[str]) -> int | None:
-    """Return where a clause opens at a verb after a part: before an unusual one, as "head up | sliding the feet along"."""
+    """Return where a clause begins at a verb after a part: before an unusual verb, as in "head up | sliding the feet along"."""
     rules, (*earlier, verb) = grammar(), words
     if not rules["part"].search(" ".join(earlier)):
         return None
@@ -88,7 +88,7 @@ def _before_verb(before: str, words: list[str]) -> int | None:
 
 
 def _is_subject(before: str, noun: Match, match: Match) -> bool:
-    """Return whether the part that `before` ends with does what follows: no hip of "on the hip", no knee of "bent knees looking left"."""
+    """Return whether the part at the end of `before` does what follows, unlike the knee in "bent knees looking left"."""
     rules = grammar()
     earlier = before[: noun.start()].strip()
     if rules["object_before"].search(earlier):

@@ -1,10 +1,10 @@
-"""Sides and relations: which limb a prompt speaks of, put in so many words before the clauses are read.
+"""Resolves sides and relations in a prompt to explicit sides of limbs, before its clauses are parsed.
 
     "one hand on the left hip, the other arm hanging"   →  "left hand on the left hip, right arm hanging"
     "raises the right arm and limps on the opposite leg" →  "... right arm and limps on the left leg"
     "favouring the right leg"                            →  "limping on the right leg"
 
-Words of relations that stand for one action (weight, injuries, loads) are rules of assets/prompts/clauses.toml.
+Phrases that imply an action (weight, injuries, loads) are rules of assets/prompts/clauses.toml.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from runtime.prompts.english.grammar import Match, grammar, replaced
 
 SIDE = re.compile(r"\b(?:left|right)\b")
 OPPOSITE = {"left": "right", "right": "left"}
-_RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
-Known = Callable[[str], bool]  # whether the library knows what is done with a thing
+_RELATIVE = ("one", "other", "opposite", "same")  # words that refer to a side relative to another
+Known = Callable[[str], bool]  # whether the library knows an action with a thing
 _DEFINITE = ("the", "his", "her", "their", "its")
-_OWNERS = ("a", "his", "her", "their")  # of the left hand of a left-handed person
+_OWNERS = ("a", "his", "her", "their")  # before the left hand of a left-handed person
 
 
 def name_sides(prompt: str, known: Known) -> tuple[str, str]:
     """Return a lower-case prompt with a side before each limb, and the preferred or carrying side ("left-handed") or "".
 
-    A single limb without any hint of its side is unchanged; it is later read as the right one. What is done with a thing is
-    replaced unless it is `known`.
+    A single limb without any hint of its side is unchanged and later taken as the right one. Actions with a thing
+    are replaced unless `known`.
     """
     rules = grammar()
     handed = rules["handed"].search(prompt)
@@ -36,7 +36,7 @@ def name_sides(prompt: str, known: Known) -> tuple[str, str]:
     sides: list[str] = []
     text = replaced(text, rules.before, partial(_relation, hand=hand, sides=sides))
     text = _Limbs(text, hand).named()
-    for _ in range(2):  # the words of one relation may hold another
+    for _ in range(2):  # a relation's words may contain another relation
         text = replaced(text, rules.after, partial(_relation, hand=hand, sides=[]))
     text = replaced(text, rules.things, partial(_relation, hand=hand, sides=[], known=known))
     return text, hand or "".join(sides[:1])
@@ -45,7 +45,7 @@ def name_sides(prompt: str, known: Known) -> tuple[str, str]:
 def _relation(
     match: Match, words: str, hand: str, sides: list[str], known: Known | None = None
 ) -> str | None:
-    """Return the words that a relation stands for, with its side, the other side, and what else the pattern names."""
+    """Return the replacement of a relation, with its side, the other side, and the pattern's other groups filled in."""
     if known and (known(match.group()) or grammar()["of_arm"].search(match.string[: match.start()])):
         return None
     values = {name: value or "" for name, value in match.groupdict().items()}
@@ -61,7 +61,7 @@ def _relation(
 
 
 def _hands(values: dict[str, str]) -> str:
-    """Return the hand of a gesture: the one that is named, else that of the target's side (across from it on an arm)."""
+    """Return the hand of a gesture: the named one, else the one for the target's side (the opposite one for an arm)."""
     named = values.get("side") in OPPOSITE  # "both eyes with the right hand"
     if values.get("side") == "both" or (values.get("both") and not named):
         return "both hands"
@@ -76,14 +76,14 @@ def _hand_at(side: str, target: str) -> str:
 
 
 class _Limbs:
-    """The limbs of a prompt, read from left to right; what was spoken of last decides what "the other" means."""
+    """The limbs of a prompt, read from left to right; "the other" refers to the last one."""
 
     def __init__(self, text: str, hand: str) -> None:
         self._text, self._hand = text, hand
-        self._noun, self._side = "arm", hand or "right"  # of the limb that was spoken of last
-        self._spoken = False  # whether one was
+        self._noun, self._side = "arm", hand or "right"  # of the last limb mentioned
+        self._spoken = False  # whether any was mentioned
         self._single: dict[bool, str] = {}  # side of the limb called "one", by whether it is an arm
-        self._subject_end = 0  # of the clause whose subject was found
+        self._subject_end = 0  # end of the clause whose subject was found
 
     def named(self) -> str:
         """Return the text with the side before each noun."""
@@ -97,12 +97,12 @@ class _Limbs:
         return self._limb(match) if match["noun"] else self._bare(match)
 
     def _that(self, match: Match) -> str:
-        """Return the limb of "that shoulder", which is of the side spoken of last."""
+        """Return the limb of "that shoulder", on the side mentioned last."""
         sides = [self._side] if self._spoken else SIDE.findall(self._text, 0, match.start())
         return f"the {sides[-1]} " if sides else match.group()
 
     def _bare(self, match: Match) -> str:
-        """Return the limb of a side without a noun, the one spoken of last: "her left hangs", "left down" after "right hand up"."""
+        """Return the limb of a side without a noun, the last one mentioned: "her left hangs", "right hand up, left down"."""
         bare = match["bare"]
         if bare:
             if match["whose"] in (None, "the ") and not (self._spoken and self._side != bare):
@@ -124,7 +124,7 @@ class _Limbs:
         return _with_side(match, owners, side)
 
     def _speak_of(self, match: Match, noun: str, side: str) -> None:
-        # "right hand holding the left elbow": the elbow is no subject of its own
+        # "right hand holding the left elbow": the elbow is not a subject
         if side and not (match["at"] and match.start() < self._subject_end):
             self._noun, self._side, self._spoken = noun, side, True
             self._subject_end = self._end_of(r"[,;.:!?]| and | while ", match.end())
@@ -132,7 +132,7 @@ class _Limbs:
             self._noun = "foot" if noun == "feet" else noun
 
     def _side_meant(self, match: Match, owners: list[str], is_arm: bool) -> str:
-        """Return the side of a limb that names none: by its relation to another, by its place, or "" where nothing tells it."""
+        """Return the side of a limb without one: by its relation to another, by its place, or "" if nothing tells it."""
         if {"other", "opposite"} & set(owners):
             return OPPOSITE[self._side]
         if "same" in owners:
@@ -151,12 +151,12 @@ class _Limbs:
         return self._side_of_place(match.end()) or hand or self._left_over(match.end(), is_arm)
 
     def _left_over(self, start: int, is_arm: bool) -> str:
-        """Return the side that a limb of a later clause leaves: "broken arm in a sling, right arm swinging"."""
+        """Return the side that a later clause's limb leaves: "broken arm in a sling, right arm swinging"."""
         later = grammar()["later_arm" if is_arm else "later_leg"].findall(self._text, start)
         return "" if self._spoken else OPPOSITE.get(only_side(later), "")
 
     def _side_of_one(self, match: Match, is_arm: bool) -> str:
-        """Return the side of "one arm": that of its place, else the one that the other arm of the prompt leaves."""
+        """Return the side of "one arm": that of its place, else the side left by the prompt's other arm."""
         after = match.end()
         if grammar()["each_other"].match(self._text, after):
             return ""
@@ -171,7 +171,7 @@ class _Limbs:
         return OPPOSITE[place] if place else hand or "right"
 
     def _side_of_place(self, start: int) -> str:
-        """Return the side of the hand that is where the words up to the clause's end say: left "on the left hip"."""
+        """Return the side of the hand by the place named up to the clause's end: left for "on the left hip"."""
         end = self._end_of(grammar()["clause_end"].pattern, start)
         place = grammar()["place"].search(self._text[start:end])
         if place is None:

@@ -1,4 +1,4 @@
-"""Whether a prompt is English, the only language that the library knows, and its typing errors."""
+"""Detects prompts that are not English, the library's only language, and corrects typing errors."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from functools import cached_property
 
 from runtime.prompts.english.words import word_set
 
-SHORTEST = 5  # letters of a word that is corrected: shorter ones are one letter off too many others
-SHORTEST_CHANGED = 8  # where a letter is changed for another: "lugging" is no "lagging"
+MIN_CORRECTED_LETTERS = 5  # letters of a word that is corrected: shorter words have too many neighbours
+MIN_SUBSTITUTED_LETTERS = 8  # where a letter is substituted: "lugging" is not "lagging"
 
 
-# The commonest little words of languages in Latin script that are no English words.
+# The most frequent short words of languages in Latin script that are not English words.
 _FOREIGN = word_set(
     "ein eine einen einem einer eines der das dem den des und mit auf im ist wie ohne nicht sehr geht gehend "
     "mann frau kind alter alte müde sich läuft von zum zur wird "
@@ -33,10 +33,10 @@ ENGLISH = word_set(
     "man woman people he she they walking walks walk running standing very like on at for from by not no without "
     "moving slowly quickly into through him them over under after before"
 )
-_SHARED = word_set("a an in on man y o z of do no me")  # English words, or too short to tell
+_SHARED = word_set("a an in on man y o z of do no me")  # English words, or too short to be conclusive
 
 
-# "haed", "rigth": two letters of a body part exchanged
+# "haed", "rigth": transpositions in body part names
 _TURNED = {
     word[:i] + word[i + 1] + word[i] + word[i + 2 :]: word
     for word in ("left", "right", "hand", "head", "knee", "back", "neck", "shoulder", "elbow", "torso")
@@ -70,26 +70,26 @@ class Spelling:
         return re.sub(r"[^\W\d_]+(?:'[^\W\d_]+)?", correct, text), read
 
     def nearest(self, word: str) -> str | None:
-        """Return the known word one letter away from a lower-case word, or None if the word is no typing error."""
+        """Return the known word one letter away from a lower-case word, or None if the word is not a typing error."""
         right = word in self._right or self._inflected(word)
-        if right or len(word) < SHORTEST or not word.isascii():
+        if right or len(word) < MIN_CORRECTED_LETTERS or not word.isascii():
             return None
         found = {known for form in (word, *_shortened(word)) for known in self._forms.get(form, ())}
         near = [known for known in found if known[0] == word[0] and _one_off(word, known)]
         return min(near, key=lambda known: (abs(len(known) - len(word)), known), default=None)
 
     def _inflected(self, word: str) -> bool:
-        """Return whether a word is a known one with another ending."""
+        """Return whether a word is an inflection of a known one."""
         endings = ("s", "es", "d", "ed", "ing", "ly", "er", "y", "ness", "ful", "less", "'s")
         stems = {word.removesuffix(ending) for ending in endings if word.endswith(ending)}
         return any(form in self._known for stem in stems for form in (stem, stem + "e", stem[:-1]))
 
     @cached_property
     def _forms(self) -> dict[str, tuple[str, ...]]:
-        """Every known word by itself and by what is left of it without one letter."""
+        """Every known word, indexed by itself and by each form with one letter deleted."""
         forms: dict[str, tuple[str, ...]] = {}
         for word in sorted(self._known):
-            if len(word) >= SHORTEST and word.isalpha():
+            if len(word) >= MIN_CORRECTED_LETTERS and word.isalpha():
                 for form in (word, *_shortened(word)):
                     forms[form] = (*forms.get(form, ()), word)
         return forms
@@ -100,14 +100,14 @@ def _shortened(word: str) -> set[str]:
 
 
 def _one_off(one: str, other: str) -> bool:
-    """Return whether two words differ by one letter inserted, left out, changed or exchanged with its neighbour."""
+    """Return whether two words differ by one insertion, deletion, substitution or transposition."""
     if len(one) != len(other):
         return abs(len(one) - len(other)) == 1
     different = [i for i, (a, b) in enumerate(zip(one, other, strict=True)) if a != b]
     if len(different) == 2:
         i, j = different
         return j == i + 1 and one[i] == other[j] and one[j] == other[i]
-    return len(different) == 1 and len(one) >= SHORTEST_CHANGED
+    return len(different) == 1 and len(one) >= MIN_SUBSTITUTED_LETTERS
 
 
 def is_foreign(text: str, known: frozenset[str]) -> bool:

@@ -1,4 +1,4 @@
-"""A prompt as words: what names a way of moving, and what only holds the sentence together."""
+"""A prompt as words: those that name a movement, and function words."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PREPOSITIONS = word_set(
     "during between around beside behind past about upon off within among up down out"
 )
 LINKS = word_set("and but while when who whose that which as like or then because so if than")
-# what a prompt may still say without naming a way of its own
+# words that a prompt may contain without naming a movement
 FILLER = frozenset(
     ARTICLES
     | PERSONS
@@ -43,7 +43,7 @@ STRONG = word_set(
     "awfully insanely overly"
 )
 DEGREES = SLIGHT | STRONG | word_set("rather quite fairly pretty")
-# what a body part is called, and the parts that it means: "arms like a robot", "penguin legs"
+# names of body parts, and the parts they mean: "arms like a robot", "penguin legs"
 PART_WORDS = {
     **dict.fromkeys(("arm", "hand", "elbow"), ("left_arm", "right_arm")),
     **dict.fromkeys(("leg", "foot", "feet", "knee", "step"), ("left_leg", "right_leg")),
@@ -51,13 +51,13 @@ PART_WORDS = {
     **dict.fromkeys(("head", "face", "neck", "eye"), ("head",)),
 }
 SIDES = word_set("left right upper lower both other")
-# words of places on a body, which name no way of moving: "the right side", "ankle-deep"
+# words of places on a body, which name no movement: "the right side", "ankle-deep"
 PLACES = frozenset(PART_WORDS) | SIDES | word_set("side ankle thigh heel toe wrist finger waist forearm")
 NEGATIONS = word_set("not never isn't aren't wasn't doesn't don't didn't neither nor")
-# deny only what the library knows: "no energy" is a way to be tired
+# deny only what the library knows: "no energy" is a kind of tiredness
 ABSENCES = word_set("no without less stop stops avoid avoids avoiding hardly")
 _SPELLINGS = dict(armor="armour", armored="armoured", plow="plough", mommy="mum", pajamas="pyjamas")
-# verbs that the library has in their -ing form alone, and that are no common nouns
+# verbs that the library has only in their -ing form, and that are not common nouns
 _VERBS = (
     "amble ascend blush bounce brood bumble charge cheer cower creep crouch descend despair flee flutter fume grieve hurry "
     "implore lumber lurch mince mourn nod plod prowl saunter scheme shuffle slither slouch sneak stagger stalk starve stroll "
@@ -82,7 +82,7 @@ class Word:
 
     @property
     def says(self) -> bool:
-        """Whether the word can name a way of moving."""
+        """Whether the word can name a movement."""
         held = self.text in FILLER or self.text in PREPOSITIONS or self.text in DEGREES
         return not held and not self.text.isdigit()
 
@@ -106,7 +106,7 @@ def plain(text: str) -> str:
 
 
 def plain_denials(text: str) -> str:
-    """Return "the arms never swing" for "the arms do not swing", whose order of words is that of "arms swing"."""
+    """Return "the arms never swing" for "the arms do not swing", which has the word order of "arms swing"."""
     return _PART_DOES_NOT.sub(r"\1 never", text.replace("’", "'"))
 
 
@@ -129,7 +129,7 @@ def finite_forms() -> dict[str, str]:
     return forms
 
 
-# not "a charge", "in his hurry": these are nouns
+# not "a charge", "in his hurry", which are nouns
 _FINITE = re.compile(
     rf"(?<!\ba )(?<!\ban )(?<!\bthe )(?<!\bhis )(?<!\bher )(?<!\bno )\b(?:{'|'.join(finite_forms())})\b"
 )
@@ -148,7 +148,7 @@ def stem(word: str) -> str:
 
 
 def key(words: Sequence[Word]) -> str:
-    """Return the stems of a phrase without spaces, which are equal for two spellings of it."""
+    """Return the stems of a phrase joined without spaces, equal for its spelling variants."""
     return "".join(word.stem for word in words).replace("'", "")
 
 

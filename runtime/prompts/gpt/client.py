@@ -1,7 +1,7 @@
-"""Chat completions of any compatible endpoint, with a limit on every wait and a sentence for every failure.
+"""Chat completions of any compatible endpoint, with a time limit on every wait and a message for every failure.
 
-Python package `openai`, imported at the first request. Answers are read as they come, so that neither a slow nor an
-endless one gets further than its limit, and a prompt goes to one host only.
+Python package `openai`, imported at the first request. Answers are streamed, so that neither a slow nor an
+endless one exceeds its limit, and a prompt is sent to one host only.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ Message = dict[str, str]
 
 INSTALL = "Run pip install 'sport-viewer[gpt]'."
 MAX_BODY_BYTES = 1_000_000
-STOP_SECONDS = 0.02  # how soon a stop is noticed
+STOP_SECONDS = 0.02  # delay until a stop is noticed
 _RETRIED = (408, 409, 425, 429)  # and 5xx
-_TRANSPORT = ("httpx", "httpx2", "httpcore", "httpcore2", "anyio")  # openai 2 and 3 bring different ones
+_TRANSPORT = ("httpx", "httpx2", "httpcore", "httpcore2", "anyio")  # differ between openai 2 and 3
 
 
 class AnswerError(Exception):
-    """Raised if an answer cannot be read to its end; the message, which follows the host's name, says why."""
+    """Raised if an answer cannot be read completely; the message, which follows the host's name, gives the reason."""
 
 
 class EndpointError(PromptError):
-    """Raised if an endpoint gave no answer; `retry`: asking again may help, `wait_s`: how long it asked to wait."""
+    """Raised if an endpoint gave no answer; `retry`: asking again may help, `wait_s`: the wait it asked for."""
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class ChatClient:
                 return self._within(ask, seconds, stop)
             except EndpointError as error:
                 failure = error
-            except TimeoutError:  # an endpoint that drips or hangs will do so again
+            except TimeoutError:  # an endpoint that trickles or hangs will do so again
                 remedy = f"Try again, choose a faster model, or raise {TIMEOUT}."
                 raise self._error(
                     f"gave no answer within {time.monotonic() - begun:.1f} s.", remedy
@@ -102,9 +102,9 @@ class ChatClient:
         raise AssertionError("the last attempt returns or raises")
 
     def _within(self, call: Callable[[], str], seconds: float, stop: threading.Event) -> str:
-        """Return result of `call` in a thread of its own, left to itself after `seconds` (TimeoutError) or at `stop`.
+        """Return the result of `call` in a thread of its own, abandoned after `seconds` (TimeoutError) or at `stop`.
 
-        A socket that waits cannot be interrupted from outside; its own time-out ends the thread soon after.
+        A waiting socket cannot be interrupted from outside; its own time-out ends the thread soon after.
         """
         result, given_up, end = Future[str](), threading.Event(), time.monotonic() + seconds
 
@@ -134,7 +134,7 @@ class ChatClient:
             create: Any = self._client.chat.completions.with_streaming_response.create
             arguments = {"model": self._settings.model, "messages": list(messages), **extra}
             with create(**arguments, timeout=max(seconds, 0.01)) as response:
-                body = response.read()  # which is there: see `bounded_client`
+                body = response.read()  # already read: see `bounded_client`
         except openai.APIStatusError as error:
             raise self._refusal(error) from None  # the request inside has the key in its header
         except openai.OpenAIError as error:
@@ -151,7 +151,7 @@ class ChatClient:
     def _client(self) -> OpenAI:
         from openai import OpenAI
 
-        # endpoints without keys still need the header not to be empty
+        # endpoints without keys still require a non-empty header
         key = self._settings.api_key.reveal() or "none"
         client = bounded_client(self._waiting)
         return OpenAI(api_key=key, base_url=self._settings.base_url, max_retries=0, http_client=client)
@@ -162,11 +162,11 @@ class ChatClient:
             message = choice["message"]
             content, refusal = message.get("content"), message.get("refusal")
         except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
-            raise self._error("answers with something that is no chat completion.", f"Check {URL}.") from None
+            raise self._error("answers with no chat completion.", f"Check {URL}.") from None
         if refusal:
             raise self._error(f"refuses the prompt: “{self._clean(refusal)}”.", "Ask in other words.")
         if isinstance(content, str) and not is_text(content):
-            raise self._error("answers with characters that are none.", "Try again, or choose another model.")
+            raise self._error("answers with invalid characters.", "Try again, or choose another model.")
         if not isinstance(content, str):
             raise self._error("answers without text.", f"Choose another model by {MODEL}.")
         return content
@@ -185,11 +185,11 @@ class ChatClient:
         return self._error(f"cannot be reached ({reason}).", f"Check {URL} and the network.", retry=True)
 
     def _refusal(self, error: Any) -> EndpointError:
-        """Return what a status other than 200 means; `error` is an openai.APIStatusError."""
+        """Return the error for a status other than 200; `error` is an openai.APIStatusError."""
         status = int(error.status_code)
         body = error.body if isinstance(error.body, dict) else {}
         said = self._clean(body.get("message") or error.message)
-        key = f"refuses the key ({status}).", f"Check {KEY}."  # what it says may repeat the key
+        key = f"refuses the key ({status}).", f"Check {KEY}."  # its message may repeat the key
         model = f"knows no model {self._settings.model!r} at this address (404).", f"Check {MODEL} and {URL}."
         known = {401: key, 403: key, 404: model}
         if status in known:
@@ -242,9 +242,9 @@ def bounded_client(waiting: Waiting) -> Any:
     """Return a client for `openai.OpenAI(http_client=...)` with the library's defaults, each request bounded by `waiting`."""
     from openai import DefaultHttpxClient
 
-    class BoundedClient(DefaultHttpxClient):  # of httpx or httpx2, as the library has it
+    class BoundedClient(DefaultHttpxClient):  # of httpx or httpx2, as the library
         def send(self, request: Any, **options: Any) -> Any:
-            # an answer that is not compressed needs no trust in what it will become
+            # an uncompressed answer cannot expand beyond its limit
             request.headers["accept-encoding"] = "identity"
             response = super().send(request, **options | {"stream": True, "follow_redirects": False})
             try:
@@ -256,10 +256,10 @@ def bounded_client(waiting: Waiting) -> Any:
 
 
 def _whole(response: Any, waiting: Waiting) -> Any:
-    """Return the same response with its whole body; AnswerError or TimeoutError where it goes on, or elsewhere."""
+    """Return the response with its whole body; AnswerError or TimeoutError if it is too long or redirects."""
     if response.next_request is not None:
         url = response.next_request.url
-        # without a name, a password or a query
+        # without user name, password or query
         place = f"{url.scheme}://{url.netloc.decode('ascii')}{url.path}"
         raise AnswerError(f"sends the prompt on to {place}, which is another address")
     coding = response.headers.get("content-encoding", "identity").strip().lower()

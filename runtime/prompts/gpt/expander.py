@@ -1,6 +1,6 @@
 """Prompts expanded by a language model, as in the paper (Sec. III-C), with the library until it answers.
 
-Answers are kept on disk, so that a prompt is sent once and gives the same ever after.
+Answers are cached on disk, so that a prompt is sent once and always gives the same result.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from runtime.safe_read import expanded, parse_json, read_bounded
 _log = logging.getLogger(__name__)
 MAX_BYTES = 50_000  # of a stored answer
 TEST_PROMPT = "an exhausted soldier, left arm hanging"
-_SCHEMA_REFUSED = (400, 404, 415, 422, 501)  # statuses of endpoints that know no response_format
+_SCHEMA_REFUSED = (400, 404, 415, 422, 501)  # statuses of endpoints without response_format
 
 
 class GptExpander:
@@ -80,7 +80,7 @@ class GptExpander:
         """Return a cached answer without asking the model, or None."""
         try:
             descriptions = self._cache.get(check_prompt(prompt))
-        except UsageError:  # the first `expand` says what is wrong with the settings
+        except UsageError:  # the first `expand` reports the problem
             return None
         return None if descriptions is None else Expansion(descriptions, "gpt")
 
@@ -105,7 +105,7 @@ class GptExpander:
             raise PromptError(problem, self._last_failure.remedy)
 
     def _ask(self, prompt: str, until: float, stop: threading.Event) -> PartDescriptions:
-        """Ask, and once more with the reason when the answer cannot be used."""
+        """Ask the model, and once more with the reason if the answer is unusable."""
         messages = self._instructions.messages(prompt)
         answer = self._complete(messages, until, stop)
         try:

@@ -1,4 +1,4 @@
-"""The question to a language model and how its answer is read: the paper's structured prompt (Sec. III-C).
+"""The request to a language model and the parser of its answer: the paper's structured prompt (Sec. III-C).
 
 Two components: a specification with lists of body joints, verbs, adverbs and adjectives, and question-answer examples.
 """
@@ -23,10 +23,10 @@ from runtime.skeleton import PART_NAMES
 
 Message = dict[str, str]
 
-LISTS = ("joints", "verbs", "adverbs", "adjectives")  # what the paper lists
-CONNECTIVES = "connectives"  # what holds them together; read with the lists, not printed
+LISTS = ("joints", "verbs", "adverbs", "adjectives")  # as in the paper
+CONNECTIVES = "connectives"  # function words; read with the lists, not printed
 MAX_ANSWER_CHARACTERS = 8000
-LEAST_ENGLISH = 1 / 3  # fraction of words that are in the vocabulary; the shipped descriptions have 0.98
+MIN_ENGLISH_FRACTION = 1 / 3  # of words that are in the vocabulary; the shipped descriptions have 0.98
 
 _SPECIFICATION = """\
 You describe how a person's body parts move and are held while that person walks about in a given style.
@@ -74,11 +74,11 @@ class StructuredPrompt:
         return hashlib.sha256(request.encode("utf-8")).hexdigest()[:16]
 
     def read(self, answer: str) -> PartDescriptions:
-        """Parse a model's answer into six descriptions; PromptError says what is wrong, in words that the model can act on."""
+        """Parse a model's answer into six descriptions; PromptError gives the reason in words that the model can act on."""
         descriptions = PartDescriptions.from_mapping(_object(answer))
         known = self._known
         words = re.findall(r"[^\W\d_]+", " ".join(descriptions.as_tuple()).lower())
-        if sum(word in known for word in words) < LEAST_ENGLISH * len(words) or not words:
+        if sum(word in known for word in words) < MIN_ENGLISH_FRACTION * len(words) or not words:
             raise PromptError("the descriptions are not in English, in words of the lists.")
         return descriptions
 
@@ -124,7 +124,7 @@ def answer_schema() -> dict[str, Any]:
 
 
 def _object(answer: str) -> dict[str, Any]:
-    """Return the JSON object of an answer, in a code fence or after a model's thoughts if need be."""
+    """Return the JSON object of an answer, also from inside a code fence or after a model's reasoning."""
     if len(answer) > MAX_ANSWER_CHARACTERS:
         raise PromptError(f"it has {len(answer)} characters, at most {MAX_ANSWER_CHARACTERS} are read.")
     text = re.sub(r"<think>.*?</think>", "", answer, flags=re.DOTALL)

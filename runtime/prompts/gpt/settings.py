@@ -1,4 +1,4 @@
-"""The language model, its key, and how long it may take."""
+"""Settings of the language model: endpoint, key and time limits."""
 
 from __future__ import annotations
 
@@ -66,14 +66,14 @@ class GptSettings:
     deadline_s: float = 15.0
     attempts: int = 3  # requests for one answer, retries included
     backoff_s: float = 0.5  # before the first retry; doubles with each
-    longest_wait_s: float = 5.0  # an endpoint that asks for more is not waited for
+    longest_wait_s: float = 5.0  # an endpoint that asks for a longer wait is given up
     costly_s: float = 1.0
     pause_s: float = 30.0
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[!-~]*", self.api_key.reveal()):
             raise UsageError(
-                f"API key ({KEY}): has characters that no key has.",
+                f"API key ({KEY}): contains invalid characters.",
                 "Copy the key again, without line breaks.",
             )
         _check_url(self.base_url)
@@ -81,7 +81,7 @@ class GptSettings:
             raise UsageError(f"{MODEL}: expected the name of a model.", f"Write {MODEL}={DEFAULT_MODEL}.")
         for name in ("timeout_s", "deadline_s", "backoff_s", "longest_wait_s", "costly_s", "pause_s"):
             value = getattr(self, name)
-            if not 0.0 <= value <= MAX_SECONDS:  # nor a NaN
+            if not 0.0 <= value <= MAX_SECONDS:  # also rejects NaN
                 raise UsageError(f"{name} {value}: expected 0 to {MAX_SECONDS:.0f} seconds.", "Try 10.")
         if self.timeout_s <= 0.0 or not 1 <= self.attempts <= 10:
             raise UsageError("timeout_s and attempts must be above 0, attempts at most 10.", "Try 10 and 3.")
@@ -153,7 +153,7 @@ def has_credentials(url: str) -> bool:
     """Return whether a URL may contain a key or password (user@host, or a query), so that it must not be stored."""
     try:
         parts = urlsplit(url.strip())
-    except ValueError:  # brackets that do not close
+    except ValueError:  # unbalanced brackets
         return True
     return "@" in parts.netloc or bool(parts.query or parts.fragment)
 
@@ -162,7 +162,7 @@ def _check_url(url: str) -> None:
     try:
         parts = urlsplit(url)
         usable = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
-    except ValueError:  # a port that is none, brackets that do not close
+    except ValueError:  # an invalid port, unbalanced brackets
         usable = False
     if not usable or not url.isprintable() or len(url) > 2000:
         # the address itself may hold credentials, so it is not repeated

@@ -12,7 +12,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
 from runtime.edits.legs import LegEdit
-from runtime.edits.request import LEG, MAX_TARGET, MOST_OF_LEG, PACED, SHAPE, EditRequest
+from runtime.edits.request import LEG, MAX_ADDED_OF_LEG, MAX_TARGET, PACED, SHAPE, EditRequest
 from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
@@ -174,7 +174,7 @@ def test_an_edit_that_is_no_longer_asked_for_fades() -> None:
 def test_any_targets_give_poses_that_can_be_shown(values: list[float], yaw: float) -> None:
     targets = np.zeros(SHAPE[1:])
     targets[:2, : len(LEG), 0] = 1.0
-    targets[:2, : len(LEG), 1:] = (np.array(values) * MOST_OF_LEG)[:, None]
+    targets[:2, : len(LEG), 1:] = (np.array(values) * MAX_ADDED_OF_LEG)[:, None]
     positions = walk(targets, yaw)
     assert np.isfinite(positions).all()
     assert np.abs(np.diff(positions, axis=0)).max() < 0.2

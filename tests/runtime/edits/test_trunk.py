@@ -9,7 +9,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.edits.body import BodyEdits
 from runtime.edits.request import FOLD, MAX_TARGET, ROW_TRUNK, SHAPE, TRUNK, EditRequest
-from runtime.edits.trunk import ASIDE, LEAN, MOST, TWIST
+from runtime.edits.trunk import ASIDE, LEAN, LIMITS_DEG, TWIST
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.motion.features import DT
 from runtime.prompts.edit_targets import edit_targets, edited_parts
@@ -167,7 +167,7 @@ def test_whatever_is_asked_a_body_stays_whole(values: list[float], weight: float
     targets[ROW_TRUNK] *= weight
     positions, turned = sway(targets)
     assert np.isfinite(positions).all()
-    assert np.abs(angles((positions, turned))).max() < max(MOST) + 25.0
+    assert np.abs(angles((positions, turned))).max() < max(LIMITS_DEG) + 25.0
     assert np.abs(np.diff(positions, axis=0)).max() * 60.0 < 6.0  # m/s
 
 

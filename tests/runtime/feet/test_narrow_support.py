@@ -9,10 +9,10 @@ from runtime.feet.leg import leg_bones, leg_forward
 from runtime.feet.narrow_support import (
     ARMS,
     ARMS_OUT_RAD,
-    AROUND_M,
-    FARTHEST_M,
-    INLINE_M,
-    LIFTED_M,
+    LANDING_OFFSET_M,
+    MAX_LEAD_M,
+    PASSING_HEIGHT_M,
+    PASSING_OFFSET_M,
     SidewaysLead,
     pull_of_beam,
     side_of_beam,
@@ -62,7 +62,7 @@ def test_a_foot_beside_narrow_ground_that_it_cannot_reach_is_left_where_it_is():
     ground = PointHeights(BEAM)
     side = side_of_beam(place, (leg, other), ground)
     assert side == pytest.approx((1.0, 0.0, 0.0), abs=0.01)
-    x = 0.14 + FARTHEST_M
+    x = 0.14 + MAX_LEAD_M
     far = leg._replace(toe=(x, *leg.toe[1:]), ankle=(x, *leg.ankle[1:]))
     assert SidewaysLead().apply(far, other, side, False, ground, 1 / 60) is far
 
@@ -75,7 +75,7 @@ def test_the_lead_grows_smoothly_to_the_middle_and_is_kept_while_held():
     ways = [lead.apply(leg, other, side, False, ground, 1 / 60).toe[0] - leg.toe[0] for _ in range(60)]
     assert abs(ways[0]) < 0.01
     middle = 0.5 * (leg.toe[0] + leg.ankle[0]) + ways[-1]
-    assert middle == pytest.approx(INLINE_M, abs=0.02)  # a left foot, a little to the left
+    assert middle == pytest.approx(LANDING_OFFSET_M, abs=0.02)  # a left foot, a little to the left
     held = lead.apply(leg, other, side, True, ground, 1 / 60)
     assert held.toe[0] - leg.toe[0] == pytest.approx(ways[-1])
 
@@ -85,12 +85,12 @@ def test_a_foot_passes_the_other_one_on_its_own_side():
     place, (leg, other) = legs_of(hips[0], local[0])
     ground = PointHeights(BEAM)
     side = side_of_beam(place, (leg, other), ground)
-    z, y = other.ankle[2], other.ankle[1] + LIFTED_M
+    z, y = other.ankle[2], other.ankle[1] + PASSING_HEIGHT_M
     swings = leg._replace(ankle=(leg.ankle[0], y, z), toe=(leg.toe[0], y, z + 0.13))
     lead = SidewaysLead(1.0)
     for _ in range(60):
         passed = lead.apply(swings, other, side, False, ground, 1 / 60)
-    assert 0.5 * (passed.toe[0] + passed.ankle[0]) > INLINE_M + 0.8 * AROUND_M
+    assert 0.5 * (passed.toe[0] + passed.ankle[0]) > LANDING_OFFSET_M + 0.8 * PASSING_OFFSET_M
 
 
 def test_arms_are_held_out_on_a_beam_and_come_back():

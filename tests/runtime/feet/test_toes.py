@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime import rotations
-from runtime.feet.leg import TOE_LENGTH, bent
+from runtime.feet.leg import TOE_LENGTH_M, bent
 from runtime.scalar_math import rotate
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain.height_map import PointHeights
@@ -25,7 +25,7 @@ def turned(x: float, y: float = 0.0, z: float = 0.0) -> tuple[float, float, floa
 
 def tip_height(foot: tuple[float, ...], toe: tuple[float, ...], joint: float) -> float:
     world = rotations.multiply(np.array(foot), np.array(toe))
-    return joint + rotate(tuple(world.tolist()), (0.0, 0.0, TOE_LENGTH))[1]
+    return joint + rotate(tuple(world.tolist()), (0.0, 0.0, TOE_LENGTH_M))[1]
 
 
 @pytest.mark.parametrize("pitch", [10.0, 40.0, 75.0, 89.0, 90.0, 91.0, 100.0])

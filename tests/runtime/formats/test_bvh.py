@@ -131,4 +131,4 @@ def test_a_wrong_number_of_frames_is_noted(said):
 def test_a_truncated_last_row_is_left_out_with_a_note():
     motion = parse_bvh(SMALL.rstrip().rsplit(" ", 2)[0], "take.bvh")
     assert len(motion.positions) == 1
-    assert motion.note == "take.bvh: the file says 2 frames and has 1 and a part of one, which is left out."
+    assert motion.note == "take.bvh: the file says 2 frames and has 1 and a partial one, which is ignored."

@@ -26,7 +26,7 @@ from tests.helpers.gltf_characters import join_glb, split_glb
 from tests.helpers.walker import walk
 
 CHARACTERS = Path(__file__).parents[1] / "character" / "characters"
-FPS, FRAMES, MM = 30.0, 24, 1e-3
+FPS, FRAMES, MILLIMETRE_M = 30.0, 24, 1e-3
 PROMPTS = (PromptEvent(0.0, "proud"), PromptEvent(0.3, "drunk", 0.1))
 GAITS = np.repeat([1, 2], FRAMES // 2).astype(np.int8)
 CLIP = Clip("a walk", FPS, *walk(FRAMES), prompts=PROMPTS, gaits=GAITS)
@@ -83,7 +83,7 @@ def test_the_joints_of_a_character_come_back(build: str, suffix: str, tmp_path: 
     driven = np.flatnonzero(character.sport_joints >= 0)
     names = [character.joint_names[k] for k in driven]
     read = [motion.skeleton.names.index(bones.get(name, name)) for name in names]
-    assert np.abs(motion.world()[0][:, read] - size * wanted[:, driven]).max() < 0.1 * MM
+    assert np.abs(motion.world()[0][:, read] - size * wanted[:, driven]).max() < 0.1 * MILLIMETRE_M
 
 
 @pytest.mark.parametrize("root", [False, True], ids=["", "root on the ground"])
@@ -101,8 +101,8 @@ def test_what_a_take_tells_comes_back(build: str, suffix: str, root: bool, tmp_p
     np.testing.assert_allclose(back.contacts, take.clip.contacts, atol=1e-3)
     again = prepare(back, ExportOptions(fps=FPS))
     if suffix == ".bvh":
-        np.testing.assert_allclose(back.world()[0], take.clip.world()[0], atol=0.1 * MM)
-        np.testing.assert_allclose(again.root.positions, take.root.positions, atol=0.1 * MM)
+        np.testing.assert_allclose(back.world()[0], take.clip.world()[0], atol=0.1 * MILLIMETRE_M)
+        np.testing.assert_allclose(again.root.positions, take.root.positions, atol=0.1 * MILLIMETRE_M)
 
 
 def test_arrays_are_the_take(tmp_path: Path) -> None:

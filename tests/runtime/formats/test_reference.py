@@ -69,7 +69,7 @@ def test_another_skeleton_moves_ours_as_it_moved(tmp_path: Path, axes: str, stan
 def test_joints_are_named_beside_the_file(tmp_path: Path) -> None:
     path = foreign(tmp_path / "other.bvh", TURNS["as ours"], tuple(f"n{k}" for k in range(31)))
     told = open_take(path).reference
-    assert told.origin == "tree and rest pose"
+    assert told.origin == "hierarchy and rest pose"
     save_joint_map(path, {"LeftHand": "n21"})
     assert open_take(path).reference.joints == told.joints
     save_joint_map(path, {"Head": ""})
@@ -91,7 +91,7 @@ def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_pa
     path.write_text(text, encoding="utf-8")
     app.open_files([path])
     run(app, 2)
-    assert "cannot be played as reference" in message(app)
+    assert "cannot be retargeted" in message(app)
     assert len(app.editor.session.takes) == 1
 
 

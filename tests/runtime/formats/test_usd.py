@@ -25,7 +25,7 @@ from tests.helpers.walker import walk
 
 CLIP = Clip("a walk", 60.0, *walk(21), prompts=(PromptEvent(0.0, "proud"),))
 needs_usd = pytest.mark.skipif(importlib.util.find_spec("pxr") is None, reason="needs the extra [usd]")
-MM = 1e-3
+MILLIMETRE_M = 1e-3
 
 
 def test_without_the_library_the_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,10 +59,10 @@ def test_openusd_shows_the_same_skin_as_the_glb(name: str, suffix: str, tmp_path
         found = query.ComputeJointWorldTransforms(UsdGeom.XformCache(frame))
         for joint, world in played.joints().items():
             place = found[joints.index(joint.replace(":", "_").replace(" ", "_"))].ExtractTranslation()
-            assert np.abs(np.array(place) - world[frame, :3, 3]).max() < 0.1 * MM, joint
+            assert np.abs(np.array(place) - world[frame, :3, 3]).max() < 0.1 * MILLIMETRE_M, joint
         points = UsdGeom.Mesh(target.GetPrim()).GetPointsAttr().Get()
         target.ComputeSkinnedPoints(query.ComputeSkinningTransforms(frame), points, frame)
-        assert np.abs(np.array(points) - skinned(played, frame)).max() < 0.1 * MM
+        assert np.abs(np.array(points) - skinned(played, frame)).max() < 0.1 * MILLIMETRE_M
 
 
 @needs_usd
@@ -122,7 +122,7 @@ def test_several_takes_are_variants(tmp_path: Path) -> None:
             found = query.ComputeJointSkelTransforms(frame)
             for joint, place in zip(SPORT_SKELETON.names, clip.world()[0][frame], strict=True):
                 at = found[joints.index(joint)].ExtractTranslation()
-                assert np.abs(np.array(at) - place).max() < 0.1 * MM
+                assert np.abs(np.array(at) - place).max() < 0.1 * MILLIMETRE_M
         assert stage.GetDefaultPrim().GetCustomDataByKey("sport")["frames"] == len(clip)
 
 
@@ -151,7 +151,7 @@ def test_blender_reads_the_same_joints(tmp_path: Path) -> None:
     for frame, found in zip((0, 5, 10), read, strict=True):
         for joint, world in played.items():
             x, y, z = world[frame, :3, 3]
-            assert np.abs(np.array(found[joint]) - (x, -z, y)).max() < 0.1 * MM, joint
+            assert np.abs(np.array(found[joint]) - (x, -z, y)).max() < 0.1 * MILLIMETRE_M, joint
 
 
 @needs_usd

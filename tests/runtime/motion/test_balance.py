@@ -18,7 +18,7 @@ from runtime.skeleton import SPORT_SKELETON
 REST = SPORT_SKELETON.rest_positions.astype(np.float64)
 ANKLES = [SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot")]
 TOES = [SPORT_SKELETON.index("LeftToeBase"), SPORT_SKELETON.index("RightToeBase")]
-STEPS_PER_S, SPEED, HEIGHT = 1.8, 1.2, 0.92
+STEPS_PER_S, SPEED_M_PER_S, HIPS_HEIGHT_M = 1.8, 1.2, 0.92
 
 
 def _glider(seconds: float, sway: float = 0.0) -> list[tuple[np.ndarray, tuple[bool, bool]]]:
@@ -27,8 +27,8 @@ def _glider(seconds: float, sway: float = 0.0) -> list[tuple[np.ndarray, tuple[b
     for frame in range(round(seconds * FPS)):
         t = frame / FPS
         joints = REST.copy()
-        joints[:, 1] += HEIGHT
-        joints[:, 2] += SPEED * t
+        joints[:, 1] += HIPS_HEIGHT_M
+        joints[:, 2] += SPEED_M_PER_S * t
         joints[:, 0] += sway * np.sin(np.pi * STEPS_PER_S * t)
         steps = STEPS_PER_S * t
         for k in (0, 1):
@@ -36,7 +36,7 @@ def _glider(seconds: float, sway: float = 0.0) -> list[tuple[np.ndarray, tuple[b
             whole, of_stride = divmod(own, 1.0)
             swing = max(2.0 * of_stride - 1.0, 0.0)
             done = 2.0 * (whole + 0.5 * (1 - np.cos(np.pi * swing)) + 0.25) - k
-            place = done * SPEED / STEPS_PER_S
+            place = done * SPEED_M_PER_S / STEPS_PER_S
             side = 0.09 * (1 - 2 * k)
             joints[ANKLES[k]] = side, 0.08, place - 0.06
             joints[TOES[k]] = side, 0.04, place + 0.06
@@ -56,7 +56,7 @@ def _driven(
     for number, (joints, stands) in enumerate(frames):
         shown = joints.copy()
         shown[:, [0, 2]] += legs[:, None] * shift
-        way = np.array([[0.0, SPEED]])
+        way = np.array([[0.0, SPEED_M_PER_S]])
         goes = steady if isinstance(steady, bool) else number < steady
         posed = shown[None].astype(np.float32)
         shift = balance.update(posed, np.zeros(1), way, [stands], [goes], [composed])[0]
@@ -80,7 +80,7 @@ def test_a_body_that_glides_is_moved_over_the_foot_that_stands():
     assert np.corrcoef(across, side[late])[0, 1] > 0.7
     assert 0.008 < across.max() < 0.09
     wide = np.pi * STEPS_PER_S
-    expected = (4.0 / np.pi) * 0.07 / (1.0 + HEIGHT / GRAVITY_M_PER_S2 * wide**2)
+    expected = (4.0 / np.pi) * 0.07 / (1.0 + HIPS_HEIGHT_M / GRAVITY_M_PER_S2 * wide**2)
     assert across.max() == pytest.approx(expected, rel=0.35)
 
 
@@ -112,7 +112,7 @@ def test_the_same_bytes_alone_and_in_a_crowd():
     first, second = _glider(2.0), _glider(2.0, sway=0.05)
     _, alone = _driven(second)
     crowd = joined([StrideBalance(), StrideBalance()])
-    way = np.array([[0.0, SPEED], [0.0, SPEED]])
+    way = np.array([[0.0, SPEED_M_PER_S], [0.0, SPEED_M_PER_S]])
     apart = StrideBalance()
     for (a, left), (b, right) in zip(first, second, strict=True):
         both = np.stack([a, b]).astype(np.float32)

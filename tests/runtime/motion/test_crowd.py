@@ -10,7 +10,7 @@ import pytest
 
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-from runtime.motion.controller import MOST, Controller, Crowd
+from runtime.motion.controller import MAX_CHARACTERS, Controller, Crowd
 from runtime.motion.model import MotionModel
 from runtime.motion.style import Style
 from runtime.pose import Pose
@@ -109,7 +109,7 @@ def test_the_quick_look_ahead_misses_no_step() -> None:
 def test_what_is_no_crowd_is_refused(model: MotionModel) -> None:
     with pytest.raises(UsageError, match="0 characters"):
         Crowd([])
-    with pytest.raises(UsageError, match=f"1 to {MOST}"):
-        Crowd([Controller(model, FLAT)] * (MOST + 1))
+    with pytest.raises(UsageError, match=f"1 to {MAX_CHARACTERS}"):
+        Crowd([Controller(model, FLAT)] * (MAX_CHARACTERS + 1))
     with pytest.raises(UsageError, match="several"):
         Crowd([Controller(model, FLAT), Controller(model, Terrain.flat())])

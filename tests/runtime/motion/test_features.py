@@ -80,7 +80,7 @@ def test_a_bar_between_two_samples_is_told_by_the_nearer(cell, spacing):
     told = np.flatnonzero(seen > 0.0)
     if abs(place) > 5 * spacing:  # it may lie outside of the window
         return
-    assert seen.max() == pytest.approx(0.3, abs=features.NARROW_M)
+    assert seen.max() == pytest.approx(0.3, abs=features.MIN_NARROW_RISE_M)
     assert np.abs(spacing * (told - 6) - place).max() <= 0.5 * spacing + 0.1
 
 

@@ -37,7 +37,7 @@ def test_the_other_way_round_is_the_same_mix(shares: tuple[float, ...], weight: 
 
 
 def test_six_steps_of_a_measured_blend_are_nearly_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(perceptual_weights, "LEAD_IN", 30)
+    monkeypatch.setattr(perceptual_weights, "LEAD_IN_FRAMES", 30)
     monkeypatch.setattr(perceptual_weights, "FRAMES", 60)
     walked, walks = [], perceptual_weights.walks
     monkeypatch.setattr(perceptual_weights, "walks", lambda *given: walked.append(walks(*given)) or walked[0])

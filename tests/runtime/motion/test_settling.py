@@ -6,7 +6,7 @@ import pytest
 from runtime.controls import Controls
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
-from runtime.motion.pose_smoothing import AT_REST, WATCHED, Settling
+from runtime.motion.pose_smoothing import REST_M_PER_S, WATCHED, Settling
 from runtime.rotations import identity
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
@@ -35,7 +35,7 @@ def test_a_hand_comes_to_rest_within_a_second_and_wakes_in_a_tenth() -> None:
     going = speeds(settling, 90, ONE, ONE)
     assert going[0] == pytest.approx(1.2)
     assert going[59] < 0.25
-    assert going[-1] == pytest.approx(AT_REST[0], rel=0.01)
+    assert going[-1] == pytest.approx(REST_M_PER_S[0], rel=0.01)
     assert np.diff(going).max() < 1e-9
     assert speeds(settling, 9, NONE, ONE)[-1] > 0.8
 

@@ -89,8 +89,8 @@ def written(snapshot: Snapshot, change: Callable[[dict[str, Any], dict[str, np.n
     ("damage", "says"),
     [
         (lambda s, a: a.update({f"a{s['joints']}": np.zeros((1, 30, 3))}), r"\.joints: shape \(1, 30, 3\), expected \(1, 31, 3\)"),
-        (lambda s, a: np.copyto(a[f"a{s['trajectory']['xz']}"][0, 60], np.nan), r"\.trajectory\.xz: numbers that no character reaches"),
-        (lambda s, a: a[f"a{s['trajectory']['xz']}"].fill(4e11), r"\.trajectory\.xz: numbers that no character reaches"),
+        (lambda s, a: np.copyto(a[f"a{s['trajectory']['xz']}"][0, 60], np.nan), r"\.trajectory\.xz: numbers out of range"),
+        (lambda s, a: a[f"a{s['trajectory']['xz']}"].fill(4e11), r"\.trajectory\.xz: numbers out of range"),
         (lambda s, a: s.update(wings=2), "not the fields of a CharacterState"),
         (lambda s, a: s["feet"][0]["feet"][1].update(anchor="elbow"), r"\.feet\[0\]\.feet\[1\]\.anchor: expected one of '', 'heel', 'toe'"),
         (lambda s, a: s["feet"][0]["pelvis"].update(offset="high"), r"\.feet\[0\]\.pelvis\.offset: expected a number"),

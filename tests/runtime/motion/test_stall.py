@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from runtime.motion.features import FPS
 from runtime.motion.pace import POINTS, STALLED_SECONDS, Stall, advance_by_cycles
 
-WANTED = 1.4  # m/s
+REQUESTED_SPEED_M_PER_S = 1.4  # m/s
 
 
 def _stalls(feet_speed: float, wanted: float, seconds: float = 1.0) -> int:
@@ -23,23 +23,23 @@ def _stalls(feet_speed: float, wanted: float, seconds: float = 1.0) -> int:
 
 
 def test_a_stepping_gait_does_not_stall():
-    assert _stalls(WANTED, WANTED, 5.0) == 0
-    assert _stalls(0.5 * WANTED, WANTED, 5.0) == 0
+    assert _stalls(REQUESTED_SPEED_M_PER_S, REQUESTED_SPEED_M_PER_S, 5.0) == 0
+    assert _stalls(0.5 * REQUESTED_SPEED_M_PER_S, REQUESTED_SPEED_M_PER_S, 5.0) == 0
 
 
 def test_feet_at_rest_under_a_travelling_root_do_after_a_while():
-    assert 0 < _stalls(0.05, WANTED) <= FPS - STALLED_SECONDS * FPS
+    assert 0 < _stalls(0.05, REQUESTED_SPEED_M_PER_S) <= FPS - STALLED_SECONDS * FPS
 
 
 def test_it_ends_when_the_feet_move_again():
     joints = np.zeros((1, 31, 3))
     stall = Stall.at_rest(joints)
     for _ in range(60):
-        stalled = stall.update(joints.copy(), [WANTED])[0]
+        stalled = stall.update(joints.copy(), [REQUESTED_SPEED_M_PER_S])[0]
     assert stalled
     for _ in range(12):
-        joints[:, POINTS, 2] += 1.5 * WANTED / FPS
-        stalled = stall.update(joints.copy(), [WANTED])[0]
+        joints[:, POINTS, 2] += 1.5 * REQUESTED_SPEED_M_PER_S / FPS
+        stalled = stall.update(joints.copy(), [REQUESTED_SPEED_M_PER_S])[0]
     assert not stalled
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.motion.features import FPS
-from runtime.motion.walkable import LEAST_SHARE, WalkableShare
+from runtime.motion.walkable import MIN_STYLE_WEIGHT, WalkableShare
 
 BOTH, LEFT, RIGHT, NONE = (True, True), (True, False), (False, True), (False, False)
 
@@ -47,7 +47,7 @@ def test_hips_that_leap(walks, range_m, whole):
 
 
 def test_the_share_has_a_bound():
-    assert _share([NONE] * 600) == LEAST_SHARE
+    assert _share([NONE] * 600) == MIN_STYLE_WEIGHT
 
 
 def test_who_starts_stops_or_turns_may_do_as_he_likes():

@@ -22,9 +22,9 @@ from tests.helpers.gpt_endpoint import (
     DRUNK,
     FIVE,
     KEY,
-    LONG,
     PROSE,
     PROUD,
+    UNREACHED_DELAY_S,
     Library,
     fail,
     flood,
@@ -143,7 +143,7 @@ def test_an_endpoint_without_schemas_is_asked_for_plain_json(endpoint, expander_
 
 # --- failures of the endpoint
 FAILURES = {
-    "slow": (late(LONG), "no answer within"),
+    "slow": (late(UNREACHED_DELAY_S), "no answer within"),
     "trickling": (trickle, "no answer within"),
     "endless": (flood, "without end"),
     "wrong key": (fail(401, f"Incorrect API key provided: {KEY}"), r"refuses the key \(401\)"),

@@ -89,7 +89,7 @@ def test_a_withdrawn_prompt_ends_its_thread_and_line(
     stop = threading.Event()
     threading.Timer(0.2, stop.set).start()
     client = ChatClient(settings_of(endpoint))
-    with pytest.raises(Exception, match="withdrawn"):
+    with pytest.raises(Exception, match="cancelled"):
         client.complete(ASKED, None, time.monotonic() + 20.0, stop)
     check_ended(closed)
 

@@ -10,16 +10,16 @@ from runtime.prompts.expander import Expansion, PromptCancelledError
 from runtime.prompts.gpt.expander import FallbackExpander, open_expander
 from runtime.prompts.gpt.settings import GptSettings
 from runtime.prompts.service import PromptWorker
-from tests.helpers.gpt_endpoint import LONG, PROUD, Encoder, Library, fail, late, say, wait_for
+from tests.helpers.gpt_endpoint import PROUD, UNREACHED_DELAY_S, Encoder, Library, fail, late, say, wait_for
 
 
 # --- what is asked
 def test_a_set_event_ends_the_question_at_once(endpoint, expander_of):
-    endpoint.script = [late(LONG)]
+    endpoint.script = [late(UNREACHED_DELAY_S)]
     stop = threading.Event()
     threading.Timer(0.1, stop.set).start()
     with pytest.raises(PromptCancelledError):
-        expander_of(endpoint, timeout_s=LONG, deadline_s=LONG).expand("proud", stop)
+        expander_of(endpoint, timeout_s=UNREACHED_DELAY_S, deadline_s=UNREACHED_DELAY_S).expand("proud", stop)
     assert endpoint.waited_out == 0
 
 
@@ -34,8 +34,8 @@ def test_a_set_event_ends_a_wait_before_a_retry_and_spoils_nothing_later(endpoin
 
 
 def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander_of):
-    endpoint.script = [late(LONG)]
-    gpt = expander_of(endpoint, timeout_s=LONG, deadline_s=LONG)
+    endpoint.script = [late(UNREACHED_DELAY_S)]
+    gpt = expander_of(endpoint, timeout_s=UNREACHED_DELAY_S, deadline_s=UNREACHED_DELAY_S)
     worker = PromptWorker(FallbackExpander(gpt, Library()), Encoder())
     worker.submit("a slow prompt")
     while not endpoint.requests:
@@ -48,7 +48,7 @@ def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander
     worker.submit("another slow prompt")
     while len(endpoint.requests) < 2:
         time.sleep(0.002)
-    worker.close(LONG)
+    worker.close(UNREACHED_DELAY_S)
     assert endpoint.waited_out == 0
     assert worker.poll() is None
 
@@ -66,7 +66,7 @@ def test_the_environment_opens_the_expander(endpoint, monkeypatch, tmp_path):
 
 
 def test_the_library_answers_until_the_language_model_does(endpoint, expander_of):
-    endpoint.script = [late(LONG)]
+    endpoint.script = [late(UNREACHED_DELAY_S)]
     worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
     worker.submit("proud")
     while (quick := worker.poll()) is None:
@@ -87,7 +87,7 @@ def test_what_was_answered_before_is_there_at_once(endpoint, expander_of):
 
 
 def test_a_withdrawn_prompt_gets_no_answer(endpoint, expander_of):
-    endpoint.script = [late(LONG)]
+    endpoint.script = [late(UNREACHED_DELAY_S)]
     worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
     worker.submit("proud")
     while not endpoint.requests:

@@ -295,7 +295,7 @@ def test_reading_again_costs_the_budget_nothing_and_what_this_process_wrote_is_f
     again.submit(lambda writer: writer.put_blob("c", bytes(5000)))
     assert again.flush()
     assert again.blob("c") == bytes(5000)
-    with pytest.raises(FileError, match="unfolds to more than"):
+    with pytest.raises(FileError, match="unpacks to more than"):
         list(again.frames("m"))
     again.close()
 

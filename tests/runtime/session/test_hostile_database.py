@@ -105,7 +105,7 @@ def change(path: Path, *statements: str, values: tuple[object, ...] = (), sealed
 )
 def test_what_is_no_database(data: bytes, tmp_path: Path) -> None:
     (tmp_path / "a.sport").write_bytes(data)
-    refused(tmp_path / "a.sport", "no session|damaged")
+    refused(tmp_path / "a.sport", "not a session|damaged")
 
 
 @pytest.fixture
@@ -224,7 +224,7 @@ def test_a_bomb_is_not_unfolded(path: Path) -> None:
     change(path, "UPDATE blobs SET content = ?", values=(bomb,))  # the size is that of before
     opened(path, lambda database: database.blob("b0"), "expected 3000 bytes")
     change(path, "UPDATE blobs SET size = ?", values=(300 << 20,))
-    opened(path, lambda database: database.blob("b0"), "unfolds to more than")
+    opened(path, lambda database: database.blob("b0"), "unpacks to more than")
     change(path, "UPDATE blobs SET size = ?, content = x'00'", values=(20 << 20,))
     opened(path, lambda database: database.blob("b0"), "incorrect header|expected")
     change(path, "UPDATE frames SET size = ?", values=(100 << 20,))
@@ -234,7 +234,7 @@ def test_a_bomb_is_not_unfolded(path: Path) -> None:
 def test_many_that_are_small_alone_are_counted_together(path: Path) -> None:
     bomb = packed_zeros(60 << 20)
     change(path, "UPDATE frames SET content = ?, size = 60 << 20", values=(bomb,))
-    opened(path, lambda database: list(database.frames("m0")), "unfolds to more than")
+    opened(path, lambda database: list(database.frames("m0")), "unpacks to more than")
 
 
 def test_content_that_goes_on_or_is_cut_off(path: Path) -> None:
@@ -260,7 +260,7 @@ def test_a_long_text(path: Path) -> None:
     database = Database.read(path)
     database.budget.left = 2 << 20
     for use in (database.steps, lambda: database.motion("m0")):
-        with pytest.raises(FileError, match="unfolds to more than"):
+        with pytest.raises(FileError, match="unpacks to more than"):
             use()
     database.close()
 

@@ -7,7 +7,7 @@ from runtime import rotations
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
 from runtime.takes.clip import Clip
 
-FRAMES, SPEED = 180, 0.6
+FRAMES, SPEED_M_PER_S = 180, 0.6
 
 
 @pytest.fixture(scope="session")
@@ -24,7 +24,7 @@ def walk() -> Clip:
         down = rotations.from_axis_angle(z, np.full(FRAMES, angle))
         turn = rotations.from_axis_angle(x, sign * swing)
         local[:, SPORT_SKELETON.index(name)] = rotations.multiply(turn, down)
-    hips = np.stack([0 * t, np.full(FRAMES, REST_HIPS_HEIGHT - 0.03), SPEED * t], -1)
+    hips = np.stack([0 * t, np.full(FRAMES, REST_HIPS_HEIGHT - 0.03), SPEED_M_PER_S * t], -1)
     back = np.gradient(swing) > 0
     contacts = np.stack([back, back, ~back, ~back], -1)
     return Clip("walk", 60.0, *(a.astype(np.float32) for a in (hips, local, contacts)))

@@ -24,7 +24,7 @@ from runtime.takes.pins import parse_pins
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.pose_layer import Curve, PoseKey, PoseLayer, added
 
-FRAMES, SPEED = 180, 0.6  # of `walk`
+FRAMES, SPEED_M_PER_S = 180, 0.6  # of `walk`
 LEFT_HAND, HEAD, LEFT_FOOT = (SPORT_SKELETON.index(name) for name in ("LeftHand", "Head", "LeftFoot"))
 
 
@@ -150,7 +150,7 @@ def test_a_plant_does_not_run_into_its_neighbours(walk: Clip) -> None:
     first, end = fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), bearing[1], -100, 1000)
     assert bearing[0][1] < first < end < bearing[2][0]
     begun = bearing[1][0]
-    with pytest.raises(UsageError, match="bears already"):
+    with pytest.raises(UsageError, match="already planted"):
         fitted_footplant(footplants(walk.contacts[:, :2]), len(walk), None, begun + 1, begun + 3)
 
 

@@ -20,7 +20,7 @@ FPS = 60
 RISES = st.floats(0.55, 1.5)
 STARTS = st.floats(-0.45, -0.3)
 STYLES = st.sampled_from(("upright", "slumped", "wide", "aeroplane"))
-FASTEST = 9.0  # m/s of a joint
+MAX_JOINT_SPEED_M_PER_S = 9.0  # m/s of a joint
 
 
 def depth_of(points: Array, rise: float, depth: float) -> Array:
@@ -79,7 +79,7 @@ def check_ends(crossing: Climb, rise: float, start: float, style: str) -> None:
 def check_body(positions: Array, rise: float, depth: float = 1.0) -> None:
     """Finite, no faster than a person, and not inside the ground."""
     assert np.isfinite(positions).all()
-    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS < FASTEST
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS < MAX_JOINT_SPEED_M_PER_S
     assert (depth_of(positions, rise, depth) > 0.03).mean(0).max() <= 0.01
     for name, pairs in CAPSULES.items():
         surface = np.concatenate([capsule_points(positions, *ends) for ends in pairs], 1)
@@ -173,7 +173,7 @@ def test_arms_keep_their_style_while_they_swing() -> None:
 def test_spread_arms_do_not_turn_over_on_their_way_to_the_edge(rise: float) -> None:
     for start in (-0.45, -0.38, -0.3):
         positions, _ = played(Climb(rise, start, 1.0), "aeroplane")
-        assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS < FASTEST
+        assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS < MAX_JOINT_SPEED_M_PER_S
 
 
 @pytest.mark.parametrize("rise", [0.6, 1.0, 1.4, -0.6, -1.0, -1.4])

@@ -9,10 +9,10 @@ from runtime import rotations
 from runtime.feet.ik import LEG_FEET, LEG_TOES
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.obstacle_detection import ObstacleKind
-from runtime.traversal.leap import TOE, Leap, LeapStart, takeoff_m
+from runtime.traversal.leap import TOE_OFFSET_M, Leap, LeapStart, takeoff_m
 
 DT = 1.0 / 60.0
-HIPS = 0.93
+HIPS_HEIGHT_M = 0.93
 LOCAL = rotations.identity((31,))
 
 
@@ -22,13 +22,13 @@ def stride(kind: ObstacleKind, top: float, speed: float, stance: int = 0, farthe
     step = 0.5 * speed * seconds
     z = -takeoff_m(kind, top, speed) - farther
     raised = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(0.6))
-    back = np.array([0.0, TOE_HEIGHT, z - step + TOE[2]]) - rotations.rotate(raised, TOE)
+    back = np.array([0.0, TOE_HEIGHT, z - step + TOE_OFFSET_M[2]]) - rotations.rotate(raised, TOE_OFFSET_M)
     feet = [np.array([0.0, ANKLE_HEIGHT, z]), back]
     turned = [rotations.identity(()), raised]
     sides = np.array([[0.09, 0.0, 0.0], [-0.09, 0.0, 0.0]])
     order = (0, 1) if stance == 0 else (1, 0)
     places, turns = np.array([feet[k] for k in order]) + sides, np.array([turned[k] for k in order])
-    return LeapStart(z - 0.25, speed, seconds, 0.0, stance, places, turns, HIPS)
+    return LeapStart(z - 0.25, speed, seconds, 0.0, stance, places, turns, HIPS_HEIGHT_M)
 
 
 def walked(leap: Leap) -> tuple[np.ndarray, np.ndarray]:
@@ -36,7 +36,7 @@ def walked(leap: Leap) -> tuple[np.ndarray, np.ndarray]:
     poses, contacts = [], []
     for frame in range(1, round(leap.seconds / DT) + 1):
         t = frame * DT
-        shown = leap.pose(t, np.array([0.0, HIPS, leap.root_z(t)]), LOCAL)
+        shown = leap.pose(t, np.array([0.0, HIPS_HEIGHT_M, leap.root_z(t)]), LOCAL)
         poses.append(SPORT_SKELETON.forward_kinematics(shown.hips, shown.local)[0])
         contacts.append(shown.contacts)
     return np.array(poses), np.array(contacts)
@@ -86,8 +86,8 @@ def test_a_gap_is_flown_over(length: float, speed: float, beyond: float) -> None
 def test_a_step_is_taken_with_the_whole_body(top: float) -> None:
     kind = ObstacleKind.UP if top > 0.0 else ObstacleKind.DOWN
     positions, _ = walked(Leap(kind, 0.0, 0.0, top, stride(kind, 0.0, 1.2)))
-    assert positions[0, 0, 1] == pytest.approx(HIPS, abs=0.02)
-    assert positions[-1, 0, 1] == pytest.approx(HIPS + top, abs=0.13)
+    assert positions[0, 0, 1] == pytest.approx(HIPS_HEIGHT_M, abs=0.02)
+    assert positions[-1, 0, 1] == pytest.approx(HIPS_HEIGHT_M + top, abs=0.13)
     assert np.abs(np.diff(positions[:, 0, 1])).max() < 0.08  # no faster than a fall
 
 

@@ -46,7 +46,7 @@ def test_a_take_is_split_and_joined_again(start: Start, size: tuple[int, int]) -
 
 def test_what_the_trim_keeps_is_repeated_or_cut_out(app: App) -> None:
     record(app)
-    choose(app, "Cut out what the handles keep")
+    choose(app, "Cut out the trimmed range")
     assert "trim handles" in message(app)
     seek(app, 20)
     click_on(app, "[ In")
@@ -55,5 +55,5 @@ def test_what_the_trim_keeps_is_repeated_or_cut_out(app: App) -> None:
     choose(app, "Repeat", "3 times")
     assert takes(app)[-1] == ("Take 1 x 3", 91, (0, 90))
     do(app, "play 1; run 2")
-    choose(app, "Cut out what the handles keep")
+    choose(app, "Cut out the trimmed range")
     assert takes(app)[-1] == ("Take 1, cut", 50, (0, 49))

@@ -71,7 +71,7 @@ def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
     assert len(tool.points) == 2
     click_on(app, "Walk it")
     run_until(app, lambda: tool.walk is None)
-    assert message(app) == "The path is walked."
+    assert message(app) == "Path completed."
     assert np.hypot(controller(app).x + 0.5, controller(app).z - 3.5) < 0.5
     click_on(app, "Walk it")
     assert tool.walk is not None

@@ -87,7 +87,7 @@ def test_a_joint_is_turned_released_copied_and_mirrored(app: App) -> None:
     seek(app, 50)
     do(app, "click ##tangent; click Step")
     assert layer(app).keys[-1].tangent is Tangent.STEP
-    click_on(app, "Keep on")
+    click_on(app, "Hold last")
     assert layer(app).keeps
     do(app, "key escape; key escape")
     assert not app.posing.open

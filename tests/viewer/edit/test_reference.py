@@ -33,7 +33,7 @@ from tests.runtime.formats.test_reference import TURNS, foreign
 from viewer.app import App
 from viewer.edit.handles import on_screen
 from viewer.edit.reference import Look
-from viewer.edit.video import MAX_SIDE, read_video
+from viewer.edit.video import MAX_SIDE_PX, read_video
 from viewer.filming.writers import open_writer
 from viewer.gl_bindings import imgui
 from viewer.services import Services
@@ -232,8 +232,8 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
 
 def test_films_are_made_small_and_what_is_none_is_said(start: Start, tmp_path: Path) -> None:
     video = read_video(film(tmp_path / "wide.mp4", (1280, 320), 3))
-    assert video.size == (MAX_SIDE, MAX_SIDE // 4)
-    assert video.picture(0).shape == (MAX_SIDE // 4, MAX_SIDE, 3)
+    assert video.size == (MAX_SIDE_PX, MAX_SIDE_PX // 4)
+    assert video.picture(0).shape == (MAX_SIDE_PX // 4, MAX_SIDE_PX, 3)
     assert [video.index(t) for t in (-1.0, 0.0, 0.034, 9.0)] == [0, 0, 1, 2]
     animation = read_video(film(tmp_path / "film.gif"))
     means = [float(animation.picture(animation.index(t)).mean()) for t in (0.0, 0.5, 50 / 60)]

@@ -298,4 +298,4 @@ def test_the_last_prompt_of_a_take_stays(app: App) -> None:
     pick(app, "prompts", 0, 1, 2)
     press(app, "delete")
     assert len(items(app, "prompts")) == 3
-    assert "keeps one prompt" in app.messages.recent[-1].text
+    assert "needs at least one prompt" in app.messages.recent[-1].text

@@ -267,7 +267,7 @@ def test_what_is_done_while_a_prompt_is_moved(app: App, monkeypatch: pytest.Monk
     assert app.editor.undo_label.startswith("move of a prompt")
     if then == "undo":
         press(app, "ctrl", "z")
-        assert "before it was done" in message(app)
+        assert "before it had finished" in message(app)
     elif then == "other take":
         do(app, "play 2; run 5")
         drag(app, "##prompts", 0.2, 0.6)

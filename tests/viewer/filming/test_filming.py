@@ -127,7 +127,7 @@ def test_a_film_is_made_in_a_process_of_its_own(tmp_path: Path) -> None:
     assert seen[-1] == (6, 6)
     assert "6 frames" in text
     assert len(decoded(path)[0]) == 6
-    with pytest.raises(UsageError, match="no film is written with this ending"):
+    with pytest.raises(UsageError, match="not a film format"):
         film_in_process(take, FLAT, tmp_path / "nowhere" / "a.xyz", options, film, print, event)
 
 
@@ -217,7 +217,7 @@ def test_numbered_frames_replace_an_older_film_only_when_all_are_there(tmp_path:
         (FilmOptions(fps=0.0), "a.mp4", "fps 0"),
         (FilmOptions(camera="moon"), "a.mp4", "camera moon"),
         (FilmOptions(distance=-1.0), "a.mp4", "distance -1"),
-        (SMALL, "a.avi", "no film is written"),
+        (SMALL, "a.avi", "not a film format"),
     ],
 )
 def test_films_that_cannot_be_made_are_named(

@@ -119,7 +119,7 @@ def test_a_fault_in_any_panel_closes_that_panel(
             assert titles(desk)[: len(work)] == work
             if not panel.shown():
                 opened(desk, state)
-            while "A defect has closed this panel." in texts(desk):
+            while "An internal error closed this panel." in texts(desk):
                 click_on(desk, "Open it again")
     assert met >= {"Scene", "Takes"}
     assert len(met) >= 4
@@ -135,18 +135,18 @@ def test_the_report_says_what_happened_and_the_panel_opens_again(
         run(desk, 3)
         said = " ".join(texts(desk))
         assert "drawing the panel Scene" in said
-        assert "Your work is kept" in said
+        assert "Your work is safe" in said
         report = desk.defects.shown.report
         assert "put there by the test" in report
         assert "Python 3." in report
         assert "moderngl" in report
         assert desk.defects.shown.path.read_text(encoding="utf-8") == report
-        assert "A defect has closed this panel." in said
+        assert "An internal error closed this panel." in said
         assert desk.frames_shown > 3
     click_on(desk, "Continue")
     assert desk.defects.shown is None
     click_on(desk, "Open it again")
-    assert "A defect has closed this panel." not in texts(desk)
+    assert "An internal error closed this panel." not in texts(desk)
 
 
 TOOLS = (

@@ -25,7 +25,7 @@ from tests.helpers.app_driver import (
 )
 from viewer.app import App
 from viewer.gl_bindings import imgui
-from viewer.gui.layout import STATUS_HEIGHT
+from viewer.gui.layout import STATUS_HEIGHT_PX
 from viewer.gui.theme import ICON
 from viewer.messages import SETTLED_S, WARNING_S, Level, Messages
 from viewer.panels.guide import STEPS
@@ -103,7 +103,7 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
     exports = app.exporting
     assert exports.report_good, exports.report
     window, size_y = imgui.internal.find_window_by_name("Export##overlay"), imgui.get_io().display_size.y
-    assert window.pos.y + window.size.y <= size_y - STATUS_HEIGHT, "the status line can be read"
+    assert window.pos.y + window.size.y <= size_y - STATUS_HEIGHT_PX, "the status line can be read"
     assert window.scroll.y == pytest.approx(window.scroll_max.y)
 
 

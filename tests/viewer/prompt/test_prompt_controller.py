@@ -227,7 +227,7 @@ def test_the_end_of_a_blend_keeps_locked_parts(room: Room) -> None:
     room.controller.drop_blend()
     assert room.prompt.weights == (*ALL_A[:5], 0.5)
     assert room.controller.boxes[Side.B].text == "a duck"
-    assert "Locked with a weight of prompt B, which they keep: head." in room.message
+    assert "Locked parts keep their weight of prompt B: head." in room.message
     room.controller.toggle_lock("head")
     room.controller.drop_blend()
     assert (room.prompt.b, room.controller.boxes[Side.B].text) == (None, "")

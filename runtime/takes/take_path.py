@@ -44,7 +44,9 @@ def path_of(clip: Clip, inputs: InputRecording) -> tuple[Waypoint, ...]:
     if not points:
         raise UsageError("This take has no path: the character stands.", "Choose a take that moves.")
     if len(points) > MAX_POINTS:
-        raise UsageError(f"The path of this take has more than {MAX_POINTS} points.", "Choose a shorter take.")
+        raise UsageError(
+            f"The path of this take has more than {MAX_POINTS} points.", "Choose a shorter take."
+        )
     return tuple(points)
 
 

@@ -245,7 +245,7 @@ def test_films_are_made_small_and_what_is_none_is_said(start: Start, tmp_path: P
     app = with_take(start())
     app.open_files([tmp_path / "text.mp4"])
     run(app, 3)
-    assert "text.mp4: no film that can be read" in message(app)
+    assert "text.mp4: not a readable film" in message(app)
     assert not app.references.shown
 
 

@@ -72,7 +72,7 @@ def test_words_that_miss_a_field_do_nothing(app: App) -> None:
     assert not app.editor.session.takes
     assert not app.compare.open
     assert app.scene.camera.mode == before
-    assert "has the keyboard" in message(app)
+    assert "has keyboard focus" in message(app)
     press(app, "escape")
     app.window.inject_key("w", True)
     run(app, 3)

@@ -39,7 +39,7 @@ def walks(app: App) -> bool:
     app.window.inject_key("w", False)
     run(app, 2)
     moved = (controller(app).x, controller(app).z) != before
-    return held and (moved or app.compare.open) and "has the keyboard" not in message(app)
+    return held and (moved or app.compare.open) and "has keyboard focus" not in message(app)
 
 
 def view_spot() -> tuple[float, float] | None:
@@ -186,7 +186,7 @@ def test_a_window_keeps_the_keys_while_the_view_can_be_clicked_to_have_them(app:
     do(app, "click ##settings; click ##text size; click Normal")
     assert app.shell.focus.holder == "Settings##overlay"
     press(app, "r")
-    assert "Settings has the keyboard" in message(app)
+    assert "Settings has keyboard focus" in message(app)
     assert not app.takes.recording
     spot = view_spot()
     assert spot is not None
@@ -201,9 +201,9 @@ def test_what_is_said_of_the_keys_goes_when_it_is_so_no_longer(app: App) -> None
     x, y = place(app, "##terrain")
     click(app, x, y - 56.0)  # the title of the panel
     press(app, "r")
-    assert "A panel has the keyboard" in message(app)
+    assert "A panel has keyboard focus" in message(app)
     escape(app)
-    assert "has the keyboard" not in message(app)
+    assert "has keyboard focus" not in message(app)
 
 
 @pytest.mark.parametrize("label", ["Grid", "##temperature"])
@@ -217,7 +217,7 @@ def test_a_key_pressed_in_the_slow_frame_of_a_click_acts(label: str, app: App) -
     app.window.inject_key("w", True)
     run(app, 6)
     assert controller(app).z > before
-    assert "has the keyboard" not in message(app)
+    assert "has keyboard focus" not in message(app)
     app.window.inject_key("w", False)
     run(app, 2)
 

@@ -13,7 +13,7 @@ from training.presets import ABLATIONS, PRESETS
 FRACTIONS = {"phase": 0.04, "content": 0.16, "words": 0.03, "stage2": 0.63, "stage3": 0.14}
 STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "ground", "export")
 DECODERS = ("diffusion", "mixture")
-COUNT = 4600  # edited clips
+LAYERED_CLIPS = 4600  # edited clips
 
 
 @dataclass
@@ -43,7 +43,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="of the export: mixture is stage 2 without diffusion, written to OUT/model-mixture",
     )
     parser.add_argument("--ablation", help=f"change the preset: {', '.join(ABLATIONS)}")
-    parser.add_argument("--layers", type=int, default=COUNT, help="layered clips to make (stage layer)")
+    parser.add_argument("--layers", type=int, default=LAYERED_CLIPS, help="layered clips (stage layer)")
     parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
     parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
     parser.add_argument(

@@ -35,7 +35,7 @@ CHEST = SPORT_SKELETON.index("Spine1") - FIRST
 JOINTS_OF = [[j - FIRST for j in PART_JOINTS[part] if j >= FIRST] for part in PARTS]
 _FROM_CHEST = [j for k, part in enumerate(PARTS) if part != "torso" for j in JOINTS_OF[k]]
 CLIP_CLOCK_LENGTH = 4096.0  # clocks of two clips never meet
-FEWEST_LANDINGS = 3  # of the left foot, below which a clip does not step
+MIN_LANDINGS = 3  # of the left foot, below which a clip does not step
 STEADY_SPEED_FRACTION = 0.7  # of a clip's median moving speed, from which the upper body swings in full
 COMPOSED_FRACTION = 0.5  # fraction of samples with at least one part of another clip
 # of those near a start, stop, turn or change of gait: captured in neutral mostly
@@ -45,7 +45,7 @@ CHANGED_PART_PROBABILITY = 0.5  # chance of each part of a composed sample
 SAME_CLIP_FRACTION = 0.4
 EDITED_PART_FRACTION = 0.5  # fraction of single parts that are exact edits; the others are captured
 MAX_TEMPO = 1.6  # ratio of two cadences up to which a part may be sped up or slowed down
-SHORTEST = FPS  # frames of a clip that gives parts
+MIN_CLIP_FRAMES = FPS  # frames of a clip that gives parts
 _OF_HIPS = ("sway", "bounce")  # edits of posture that move the hips too
 _GIVEN = {part: k for k, part in enumerate(PARTS)}
 
@@ -79,7 +79,7 @@ class UpperBody:
             own = np.asarray(table.upper[rows], np.float32) / FIXED_POINT_SCALE
             contacts = (y[:, OUTPUT["contacts"]] > 0.5).astype(np.uint8)
             landings = left_landings(contacts)
-            steps[clip] = len(landings) >= FEWEST_LANDINGS
+            steps[clip] = len(landings) >= MIN_LANDINGS
             beat = step_phase(contacts) if steps[clip] else np.arange(len(y)) / FPS
             clock[rows] = clip * CLIP_CLOCK_LENGTH + beat - np.floor(beat[0])
             activity[rows] = _activity(y, table.x[rows]) if steps[clip] else 1.0
@@ -342,7 +342,7 @@ def _givers(table: FrameTable, texts: StyleTexts, device: torch.device) -> tuple
     Held-out clips weigh nothing. Where no clip edits a part the captured ones stand for them.
     """
     length = np.diff(table.start)
-    usable = np.logical_not(table.held_out) & (length >= SHORTEST)
+    usable = np.logical_not(table.held_out) & (length >= MIN_CLIP_FRAMES)
     layered = np.array([content == LAYERED for content in table.contents])
     captured = usable & ~layered & (np.array(table.sources) != "pfnn_rollouts")
     captured = captured if captured.any() else usable

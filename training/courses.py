@@ -37,11 +37,11 @@ log = logging.getLogger("sport.train")
 
 SOURCE = "courses"
 KINDS = ("obstacles", "stairs", "beam", "slopes")
-SHARES = (0.4, 0.3, 0.15, 0.15)  # of the courses
+COURSE_FRACTIONS = (0.4, 0.3, 0.15, 0.15)  # of the courses
 LENGTH_M, HALF_WIDTH_M, CELL_M, START_M = 30.0, 2.0, 0.05, 2.5
 SIDE_M = 0.5  # of the way to the left and right of the middle
 MAX_WALK_MINUTES = 0.4  # of one character on one course, at most
-MOST_WALKS = 25  # for a minute that passes: a model that walks needs three
+MAX_WALKS_PER_MINUTE = 25  # for a minute that passes: a model that walks needs three
 PIECE_S = 5.0  # that is kept or left out as a whole
 MAX_ACCELERATION_M_PER_S2 = 260.0  # m/s^2 of a joint: captured jogs have up to 250
 # m/s^2 that are rounded off, over so many frames
@@ -232,13 +232,13 @@ def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, part
     seen: Counter[str] = Counter()
     frames, number, walks = 0, part, 0
     while frames < 3600.0 * minutes / parts:
-        if walks > MOST_WALKS * minutes / parts + 10:
+        if walks > MAX_WALKS_PER_MINUTE * minutes / parts + 10:
             raise FileError(
                 f"{folder}: of {walks} walks over courses only {frames / FPS:.0f} s pass every check.",
                 "Train the model longer first, or leave --course-minutes out.",
             )
         walks += 1
-        style, kind = str(generator.choice(styles)), str(generator.choice(KINDS, p=SHARES))
+        style, kind = str(generator.choice(styles)), str(generator.choice(KINDS, p=COURSE_FRACTIONS))
         gait = Gait.JOG if generator.random() < 0.35 else Gait.WALK
         code = evaluated.style(style, int(generator.integers(8)))
         course, walk_seed = random_course(kind, generator), int(generator.integers(1 << 30))

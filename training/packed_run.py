@@ -33,7 +33,7 @@ from training.session import load_checkpoint, save_checkpoint
 START = "start.pt"  # weights that stage 2 begins with in place of random ones
 BEFORE = "before.json"  # in a run that began with packed weights: what these had been through
 GRAPHS = ("step", "style", "prompt", "motion")
-SMALLEST = 1000  # numbers; smaller tensors stay in the file
+MIN_ELEMENTS = 1000  # numbers; smaller tensors stay in the file
 _FILES = {
     "phase": "phase_final.pt",
     "content": "content_final.pt",
@@ -150,7 +150,7 @@ def leave_out(packed: dict[str, Any], model: Path) -> dict[str, Any]:
     def replaced(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: replaced(one) for key, one in value.items()}
-        if isinstance(value, Tensor) and value.dtype == torch.float16 and value.numel() >= SMALLEST:
+        if isinstance(value, Tensor) and value.dtype == torch.float16 and value.numel() >= MIN_ELEMENTS:
             found = _find(value.numpy(), by_size[value.numel()])
             return value if found is None else {_REFERENCE: asdict(found)}
         return value

@@ -19,8 +19,8 @@ STYLE_EXPONENT = 0.25
 # Starts, stops, turns and changes of gait are a small part of the capture and much of what a player does.
 MOMENT_FACTOR = 4.0
 MIN_TURN_RAD = np.deg2rad(50.0)  # within a second
-SPRINT_TILT = np.deg2rad(24.0)  # of the trunk, forward
-SPRINT_SPEED = 2.2  # m/s within the second after a stand
+SPRINT_TILT_RAD = np.deg2rad(24.0)  # of the trunk, forward
+SPRINT_M_PER_S = 2.2  # m/s within the second after a stand
 _SPRINTING = ("accad", "o3de")  # captures whose runs from a stand are sprint starts
 
 
@@ -70,11 +70,11 @@ def sprint_starts(table: FrameTable) -> NDArray[np.bool_]:
     captured = np.isin(np.array(table.sources), _SPRINTING)[table.clip]
     joints = table.y[:, OUTPUT["joint_positions"]].reshape(len(table), -1, 3)
     trunk = joints[:, SPORT_SKELETON.index("Neck")] - joints[:, 0].astype(np.float32)
-    tilted = np.arctan2(trunk[:, 2], trunk[:, 1]) > SPRINT_TILT
+    tilted = np.arctan2(trunk[:, 2], trunk[:, 1]) > SPRINT_TILT_RAD
     gait = _gaits(table)
     stood = gait[:, : features.L // 2 + 2, Gait.STAND].max(1) > 0.5
     path = np.asarray(table.x[:, INPUT["trajectory_positions"]], np.float32).reshape(-1, features.L, 2)
-    runs = np.linalg.norm(path[:, -1] - path[:, -2], axis=1) * FPS / features.SAMPLE_STEP > SPRINT_SPEED
+    runs = np.linalg.norm(path[:, -1] - path[:, -2], axis=1) * FPS / features.SAMPLE_STEP > SPRINT_M_PER_S
     return captured & tilted & stood & runs
 
 

@@ -17,7 +17,7 @@ from runtime.errors import SportError
 from runtime.session.session_file import SessionFile
 from tests.faults.faults import display
 
-LEAST_M = 1.0
+MIN_WALKED_M = 1.0
 END_S = 600.0  # with what the line downloads
 
 
@@ -29,7 +29,7 @@ def main() -> None:
         process = subprocess.Popen(["bash", "-c", line], cwd=folder, env=env, start_new_session=True)
         try:
             end, metres = time.monotonic() + END_S, 0.0
-            while metres < LEAST_M:
+            while metres < MIN_WALKED_M:
                 if process.poll() is not None or time.monotonic() > end:
                     sys.exit(f"nobody walked (exit code {process.poll()})")
                 for key in (["keydown", "w"], ["sleep", "3", "keyup", "w"], ["key", "t"]):

@@ -25,7 +25,7 @@ from runtime.errors import run_command
 from runtime.motion import features
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
-from training.arguments import COUNT
+from training.arguments import LAYERED_CLIPS
 from training.augmentation import recipes
 from training.augmentation.catalogue import PartEdit, part_edits
 from training.augmentation.edits import apply
@@ -50,7 +50,7 @@ BASES_FRACTION = 0.6  # of the clips, in which legs alone are edited: all else c
 WALKED_FRACTION = 0.5  # of a clip's frames that walk, for edits of steps
 TRIES = 30  # clips drawn for edits that do not suit every one
 FORWARD_FRACTION = 0.8  # of a path that goes where the body faces
-LEAST_M_PER_S = 0.3  # of one that walks
+MIN_M_PER_S = 0.3  # of one that walks
 
 
 def build_layer(
@@ -166,7 +166,7 @@ def walks_on_a_floor(motion: EditedMotion) -> bool:
     along = np.sum(step * motion.axes.ahead[1:], axis=1)
     gone = np.linalg.norm(step[:, [0, 2]], axis=1)
     return bool(
-        gone.sum() > LEAST_M_PER_S * len(gone) / features.FPS and along.sum() > FORWARD_FRACTION * gone.sum()
+        gone.sum() > MIN_M_PER_S * len(gone) / features.FPS and along.sum() > FORWARD_FRACTION * gone.sum()
     )
 
 
@@ -263,7 +263,7 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Edit parts of clips by numbers.")
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips (*.npz)")
     parser.add_argument("--out", type=Path, help="folder to write (default: the same)")
-    parser.add_argument("--count", type=int, default=COUNT)
+    parser.add_argument("--count", type=int, default=LAYERED_CLIPS)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
         "--report", type=Path, help="Markdown file to write; existing layers are only counted"

@@ -36,7 +36,7 @@ KIND = "motion matching"  # of metadata.json
 DATABASE = "database.npz"
 STEP = 2  # frames of 1/60 s from one row to the next
 SEARCH_FRAMES = 6  # ten searches a second
-HALF_LIFE = 0.1  # seconds, of what is left of a change of frame
+HALF_LIFE_S = 0.1  # seconds, of what is left of a change of frame
 CHANGE_FRAMES = 42  # after seven half-lives less than a thousandth is left
 CHANGES = 8  # that can be under way at once: seven searches fall into `CHANGE_FRAMES`
 # A place is two numbers of at most four digits, as no output of a network is larger (`runtime.motion.frame.MAX_OUTPUT`).
@@ -339,7 +339,7 @@ class MatchingModel:
             return rotations.to_rotation_vector(rotations.multiply(a, rotations.inverse(b)))
 
         def decayed(offset: Array, velocity: Array, at: Array) -> Array:
-            return spring(offset, velocity, np.zeros(3), HALF_LIFE, at)[0]
+            return spring(offset, velocity, np.zeros(3), HALF_LIFE_S, at)[0]
 
         turns = decayed(turn(q0, q1), FPS * (turn(q0, before) - turn(after, q1)), seconds[..., None])
         moved = decayed(h0 - h1, FPS * ((h0 - h_before) - (h_after - h1)), seconds)

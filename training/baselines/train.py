@@ -31,7 +31,7 @@ from training.frames import PLAIN, ClipFrames, clip_frames
 from training.presets import preset
 
 MIN_DEVIATION = 1e-2  # of x and y in physical units: what never changes is not blown up
-MOST_FRAMES = 600_000  # clips are taken at random
+MAX_FRAMES = 600_000  # clips are taken at random
 BATCH, MAX_LEARNING_RATE = 256, 1e-3  # of a step; of learning, at first
 MAX_INPUT_DEVIATIONS = 5.0  # deviations that a normalised input may have
 
@@ -214,7 +214,7 @@ def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, no
 def make(order: Order, report: Report) -> Path:
     """Train and export."""
     method = METHODS[order.method]
-    frames = read_frames(order.clips, method, MOST_FRAMES, order.seed, report)
+    frames = read_frames(order.clips, method, MAX_FRAMES, order.seed, report)
     torch.manual_seed(order.seed)
     network = method.network(len(frames.styles))
     loss = fit(network, frames, order.steps, order.seed, report)

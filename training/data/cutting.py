@@ -14,14 +14,14 @@ from training.data.foot_cleaning import stretches
 from training.data.labels import smooth
 from training.data.retarget import FPS, speed
 
-MIN_SECONDS = 1.5
-MAX_ROOT_SPEED = 8.0  # m/s
-MAX_ESTIMATED_ACCELERATION = 45.0  # m/s², of a root that was estimated from contacts
-MAX_JOINT_ACCELERATION = 600.0  # m/s²; the ankles of a sprint reach 400
+MIN_PART_S = 1.5
+MAX_ROOT_M_PER_S = 8.0  # m/s
+MAX_ESTIMATED_M_PER_S2 = 45.0  # m/s², of a root that was estimated from contacts
+MAX_JOINT_M_PER_S2 = 600.0  # m/s²; the ankles of a sprint reach 400
 MAX_JOINT_TURN = np.deg2rad(35.0)  # between two frames at 60 Hz
-HELD_OUT = 0.08
-TAIL_SECONDS = 20.0  # longer takes give their tail to evaluation
-GAP_SECONDS = 2.0  # between training part and tail: no training window sees a held-out frame
+HELD_OUT_FRACTION = 0.08
+TAIL_S = 20.0  # longer takes give their tail to evaluation
+GAP_S = 2.0  # between training part and tail: no training window sees a held-out frame
 
 _LEFT_ARM, _RIGHT_ARM = 18, 25
 
@@ -58,16 +58,14 @@ def spikes(hips: Array, local: Array, positions: Array, tier: str) -> NDArray[np
     """Frames `(T,)` whose root or joints move as no body can; `positions` `(T, 31, 3)` are those of the joints."""
     from scipy.ndimage import binary_dilation
 
-    bad = speed(hips) > MAX_ROOT_SPEED
-    jerked = (
-        np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1).max(axis=1) * FPS**2 > MAX_JOINT_ACCELERATION
-    )
+    bad = speed(hips) > MAX_ROOT_M_PER_S
+    jerked = np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1).max(axis=1) * FPS**2 > MAX_JOINT_M_PER_S2
     bad[1:-1] |= jerked
     turn = rotations.angle_between(local[:-1], local[1:]).max(axis=1)
     bad[1:] |= turn > MAX_JOINT_TURN
     if tier == "estimated_root":
         acceleration = np.linalg.norm(np.gradient(np.gradient(smooth(hips, 0.05), axis=0), axis=0), axis=-1)
-        bad |= acceleration * FPS**2 > MAX_ESTIMATED_ACCELERATION
+        bad |= acceleration * FPS**2 > MAX_ESTIMATED_M_PER_S2
     return binary_dilation(bad, iterations=4) if bad.any() else bad
 
 
@@ -76,7 +74,7 @@ def segments(start: int, end: int, bad: NDArray[np.bool_]) -> list[tuple[int, in
     good = ~bad
     good[:start] = False
     good[end:] = False
-    return [(a, b) for a, b in stretches(good) if b - a >= MIN_SECONDS * FPS]
+    return [(a, b) for a, b in stretches(good) if b - a >= MIN_PART_S * FPS]
 
 
 def hash_fraction(name: str) -> float:
@@ -96,13 +94,13 @@ def held_out_names(clips: list[tuple[str, str, str]]) -> set[str]:
             spare[style].append(name)
     size, held = Counter(style for _, style, _ in clips), set[str]()
     for style, names in spare.items():
-        own = {name for name in names if hash_fraction(name) < HELD_OUT}
+        own = {name for name in names if hash_fraction(name) < HELD_OUT_FRACTION}
         held |= own or ({min(names, key=hash_fraction)} if size[style] >= 4 else set())
     return held
 
 
 def tail_split(start: int, end: int) -> list[tuple[int, int, str]]:
     """Training part and held-out tail of a long take that is the only one of its style and content."""
-    tail = max(round(HELD_OUT * (end - start)), round(4.0 * FPS))
+    tail = max(round(HELD_OUT_FRACTION * (end - start)), round(4.0 * FPS))
     cut = end - tail
-    return [(start, cut - round(GAP_SECONDS * FPS), "train"), (cut, end, "held_out")]
+    return [(start, cut - round(GAP_S * FPS), "train"), (cut, end, "held_out")]

@@ -18,12 +18,12 @@ GroundHeight = Callable[[Array, Array], Array]
 
 _FOOT_LENGTH = float(np.linalg.norm(FOOT_OFFSET))
 _REST_ELEVATION = float(np.arcsin(FOOT_OFFSET[1] / _FOOT_LENGTH))
-_FLOAT = 0.001  # m by which a foot may hang over its place: hips that sink so far bend a straight knee by 5 degrees
+_FLOAT_M = 0.001  # m by which a foot may hang over its place: hips that sink so far bend a straight knee by 5 degrees
 # of the leg's length: 8 degrees, from which a knee is not to become straighter than it was
-_STRAIGHT = 0.9975
+_STRAIGHT_FRACTION = 0.9975
 _HEEL_OFF = np.deg2rad(6.0)  # of pitch, from which a heel over standing toes counts as raised
 _MAX_TURN = np.deg2rad(40.0)
-_SWING_ANKLE = 0.05  # m: least height of the ankle of a foot in the air
+_MIN_SWING_ANKLE_M = 0.05  # m: least height of the ankle of a foot in the air
 _THIGHS, _ANKLES, _TOES = [2, 7], [4, 9], [5, 10]
 
 
@@ -159,7 +159,7 @@ def _clean_foot(
     toe[:, 1] += lift
     depth = np.maximum(
         ground(toe[:, 0], toe[:, 2]) + TOE_HEIGHT - toe[:, 1],
-        np.where(contact[:, 0], ANKLE_HEIGHT, _SWING_ANKLE) + under_ankle - ankle[:, 1],
+        np.where(contact[:, 0], ANKLE_HEIGHT, _MIN_SWING_ANKLE_M) + under_ankle - ankle[:, 1],
     )
     ankle[:, 1] += gaussian_filter1d(maximum_filter1d(np.maximum(depth, 0.0), 7), 1.5)
     return ankle, foot
@@ -184,8 +184,8 @@ def _sink_to_reach(hips: Array, thighs: Array, ankles: Array, lengths: Array) ->
 
     gap = ankles - thighs
     across = np.linalg.norm(gap[..., [0, 2]], axis=-1)
-    reach = np.clip(lengths, _STRAIGHT * LEG_LENGTH, MAX_REACH * LEG_LENGTH)
+    reach = np.clip(lengths, _STRAIGHT_FRACTION * LEG_LENGTH, MAX_REACH * LEG_LENGTH)
     allowed = np.sqrt(np.maximum(reach**2 - across**2, 0.01))
-    missing = np.clip((-gap[..., 1] - allowed).max(axis=1) - _FLOAT, 0.0, 0.25)
+    missing = np.clip((-gap[..., 1] - allowed).max(axis=1) - _FLOAT_M, 0.0, 0.25)
     sink = gaussian_filter1d(maximum_filter1d(missing, 9), 3.0)
     return hips - np.stack([np.zeros_like(sink), sink, np.zeros_like(sink)], axis=1)

@@ -24,11 +24,11 @@ Measured = TypeVar("Measured")
 
 LEG_M = 0.82
 MIN_SPEED, MAX_SPEED = 0.55, 2.2  # m/s: slower is standing, faster is running
-LOW, HIGH = 3.0, 97.0  # percentiles of a range
-LEAST_STRIDES, STRIDE_SAMPLES = 5, 50
+LOW_PERCENTILE, HIGH_PERCENTILE = 3.0, 97.0  # percentiles of a range
+MIN_STRIDES, STRIDE_SAMPLES = 5, 50
 STRIDE_S = (0.7, 2.2)  # a stride is two steps
-STRIKES_APART, LEAST_STRIDE_M = 0.2, 0.1  # seconds; metres of the foot ahead of the hips
-STRAIGHT = 0.6  # radians a second
+MIN_STRIKE_INTERVAL_S, MIN_STRIDE_M = 0.2, 0.1  # seconds; metres of the foot ahead of the hips
+STRAIGHT_RAD_PER_S = 0.6  # radians a second
 _UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -122,7 +122,7 @@ def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[s
     heading /= _norm(heading)[:, None]
     side = np.cross(_UP, heading)
     turn = np.abs(np.gradient(np.unwrap(np.arctan2(heading[:, 0], heading[:, 2])))) * fps
-    straight = m & (_second(turn, fps) < STRAIGHT)
+    straight = m & (_second(turn, fps) < STRAIGHT_RAD_PER_S)
     if straight.sum() < 2 * fps:  # walks in curves alone
         straight = m
     result = _pace(p, heading, m, fps)
@@ -191,9 +191,9 @@ def _variation(
     p: dict[str, Array], heading: Array, side: Array, turn: Array, m: NDArray[np.bool_], fps: float
 ) -> dict[str, float]:
     """How strides that go straight differ from each other, centimetres: both hands on their way, the highest place of a
-    hand, the left step's length. Nothing of fewer than `LEAST_STRIDES`."""
+    hand, the left step's length. Nothing of fewer than `MIN_STRIDES`."""
     strides = _straight_strides(p, heading, turn, m, fps)
-    if len(strides) < LEAST_STRIDES:
+    if len(strides) < MIN_STRIDES:
         return {}
     hands, tops = [], []
     for key in ("lw", "rw"):
@@ -217,15 +217,15 @@ def _straight_strides(
     """First and last frame of every stride, from the left foot farthest ahead to the next time, that walks straight on."""
     from scipy.ndimage import maximum_filter1d
 
-    ahead, near = _dot(p["la"] - p["hips"], heading), int(STRIKES_APART * fps)
+    ahead, near = _dot(p["la"] - p["hips"], heading), int(MIN_STRIKE_INTERVAL_S * fps)
     farthest = maximum_filter1d(ahead, 2 * near + 1)
-    strikes = np.flatnonzero((ahead == farthest) & (ahead > LEAST_STRIDE_M))
+    strikes = np.flatnonzero((ahead == farthest) & (ahead > MIN_STRIDE_M))
     return [
         (int(first), int(last))
         for first, last in pairwise(strikes)
         if STRIDE_S[0] < (last - first) / fps < STRIDE_S[1]
         and m[first:last].all()
-        and turn[first:last].max() < STRAIGHT
+        and turn[first:last].max() < STRAIGHT_RAD_PER_S
     ]
 
 
@@ -244,7 +244,7 @@ def _second(values: Array, fps: float) -> Array:
 
 
 def _percentiles(values: Array) -> tuple[float, float]:
-    low, high = np.percentile(values, [LOW, HIGH])
+    low, high = np.percentile(values, [LOW_PERCENTILE, HIGH_PERCENTILE])
     return float(low), float(high)
 
 

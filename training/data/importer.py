@@ -240,7 +240,7 @@ def _split(job: ImportJob, parts: list[tuple[int, int]]) -> list[tuple[int, int,
         return [(a, b, "held_out" if job.held_out else "train") for a, b in parts]
     result = []
     for a, b in parts:
-        if b - a >= cutting.TAIL_SECONDS * FPS:
+        if b - a >= cutting.TAIL_S * FPS:
             result += cutting.tail_split(a, b)
         else:
             result.append((a, b, "train"))
@@ -253,7 +253,7 @@ def _losses(
     kept, cut = sum(b - a for a, b, _ in parts), int(bad.sum())
     reasons = []
     if not parts:
-        reasons.append(f"nothing of {cutting.MIN_SECONDS} s left of {frames / FPS:.1f} s")
+        reasons.append(f"nothing of {cutting.MIN_PART_S} s left of {frames / FPS:.1f} s")
     elif cut:
         reasons.append(f"spikes cut: {cut} frames")
     if parts and frames - kept - cut > FPS:

@@ -13,9 +13,9 @@ from training.data.retarget import FPS, speed
 FOOT_JOINTS = (4, 5, 9, 10)  # left heel (ankle joint), left toe, right heel, right toe
 _REST = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT])
 _NEAR = np.array([0.05, 0.03, 0.05, 0.03])  # m over the rest height that still counts as contact
-_SPEED_ON, _SPEED_OFF = 0.25, 0.45  # m/s, hysteresis
+_CONTACT_ON_M_PER_S, _CONTACT_OFF_M_PER_S = 0.25, 0.45  # m/s, hysteresis
 # of the root's speed over 1 m/s that the thresholds grow by: 30 fps smears a runner's short stance
-_PACE_SHARE = 0.12
+_PACE_FRACTION = 0.12
 JOG_SPEED = 2.2
 STAND_SPEED = 0.15
 CROUCH_HEIGHT = 0.72  # m of the hips over the ground; upright is 1.0
@@ -53,9 +53,9 @@ def _hysteresis(
     from scipy.ndimage import median_filter
 
     pace = speed(feet)
-    allowance = _PACE_SHARE * np.maximum(speed(smooth(positions[:, 0], 0.35)) - 1.0, 0.0)[:, None]
-    on = (pace < slack * _SPEED_ON + allowance) & near
-    keep = (pace < slack * _SPEED_OFF + 1.5 * allowance) & close
+    allowance = _PACE_FRACTION * np.maximum(speed(smooth(positions[:, 0], 0.35)) - 1.0, 0.0)[:, None]
+    on = (pace < slack * _CONTACT_ON_M_PER_S + allowance) & near
+    keep = (pace < slack * _CONTACT_OFF_M_PER_S + 1.5 * allowance) & close
     state = np.zeros(on.shape, bool)
     current = on[0]
     for t in range(len(on)):

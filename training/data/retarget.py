@@ -57,7 +57,7 @@ HIP_CENTRE = np.array([0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64)
 COLLAR_LENGTH = float(np.linalg.norm(SPORT_SKELETON.offsets[18]))
 TRUNK = SPORT_SKELETON.offsets[12:14].astype(np.float64)  # hips to Spine, Spine to the base of the neck
 STANCE_SPEED = 0.25  # m/s
-TOE_DOWN, TOE_UP = 0.02, 0.06  # m over its lowest place nearby: a toe that still stands, and one that swings
+TOE_DOWN_M, TOE_UP_M = 0.02, 0.06  # above its lowest height nearby: of a planted and of a swinging toe
 TOE_REACH_SECONDS = 0.3  # "nearby"
 TOE_FLEX_LIMIT = np.deg2rad(50.0)
 _SIDES = ("Left", "Right")
@@ -352,7 +352,7 @@ def _toes_carry(height: Array) -> Array:
     from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
     raised = height - minimum_filter1d(height, 2 * round(TOE_REACH_SECONDS * FPS) + 1, axis=0)
-    return gaussian_filter1d(smoothstep((TOE_UP - raised) / (TOE_UP - TOE_DOWN)), 1.5, axis=0)
+    return gaussian_filter1d(smoothstep((TOE_UP_M - raised) / (TOE_UP_M - TOE_DOWN_M)), 1.5, axis=0)
 
 
 def _ground_offset(ankles: Array, toes: Array) -> float:

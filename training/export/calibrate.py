@@ -30,8 +30,8 @@ from training.text.claims import claims
 
 log = logging.getLogger("sport.train")
 
-ALIKE = 0.05  # fractions of two sides that differ by less are the same
-UNTRAINED = 0.4  # by which a side that training never saw is taken to be shown worse
+EQUAL_FRACTION = 0.05  # fractions of two sides that differ by less are the same
+UNTRAINED_FRACTION = 0.4  # by which a side that training never saw is taken to be shown worse
 PAIRS = 400  # clips with their mirror images that the signs of the phases are read from
 DRAWS = 50  # frames of each
 
@@ -112,8 +112,8 @@ def _trained() -> list[tuple[str, str]]:
 def _lead(left: str, right: str, measured: float) -> float:
     """The lead of a left side: the measured one, or that of the only side that training saw."""
     if (left in catalogue().held_out) != (right in catalogue().held_out):
-        return -UNTRAINED if left in catalogue().held_out else UNTRAINED
-    return round(measured, 2) if abs(measured) >= ALIKE else 0.0
+        return -UNTRAINED_FRACTION if left in catalogue().held_out else UNTRAINED_FRACTION
+    return round(measured, 2) if abs(measured) >= EQUAL_FRACTION else 0.0
 
 
 def _rows(

@@ -15,9 +15,9 @@ from runtime.atomic import write_atomic
 from runtime.motion.model_files import read_metadata, write_metadata
 
 OPSET = 18
-SMALLEST = 4096  # elements of a tensor that is worth a cast
-LARGEST = 6.0e4  # a weight beyond the range of half precision keeps its tensor in single precision
-LARGEST_DIFFERENCE = 1e-4  # between torch and the graph, relative to outputs above one
+MIN_CAST_ELEMENTS = 4096  # elements of a tensor that is worth a cast
+MAX_HALF_VALUE = 6.0e4  # a weight beyond the range of half precision keeps its tensor in single precision
+MAX_DIFFERENCE_FRACTION = 1e-4  # between torch and the graph, relative to outputs above one
 BATCH = torch.export.Dim("batch", min=1, max=4096)
 
 
@@ -57,7 +57,7 @@ def export_graph(
     expected = expected if isinstance(expected, tuple) else (expected,)
     error = max(float(np.abs(a.numpy() - b).max()) for a, b in zip(expected, got, strict=True))
     scale = max(float(a.abs().max()) for a in expected)
-    if error > LARGEST_DIFFERENCE * max(1.0, scale):
+    if error > MAX_DIFFERENCE_FRACTION * max(1.0, scale):
         raise RuntimeError(f"{path}: ONNX differs from torch by {error:.2e}")
     return error
 
@@ -95,10 +95,10 @@ def store_in_half(path: Path) -> int:
     graph = model.graph
     casts = []
     for tensor in graph.initializer:
-        if tensor.data_type != TensorProto.FLOAT or int(np.prod(tensor.dims)) < SMALLEST:
+        if tensor.data_type != TensorProto.FLOAT or int(np.prod(tensor.dims)) < MIN_CAST_ELEMENTS:
             continue
         values = numpy_helper.to_array(tensor)
-        if np.abs(values).max() > LARGEST:
+        if np.abs(values).max() > MAX_HALF_VALUE:
             continue
         name = tensor.name
         tensor.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}_half"))

@@ -15,15 +15,15 @@ from runtime.skeleton import PART_NAMES
 from training.frames import LAYERED, PLAIN, FrameTable, smooth
 from training.styles import StyleTable
 
-STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
-STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second
+STRAIGHT_RAD = np.deg2rad(20.0)  # of the velocity from the facing direction
+STEADY_TURN_RAD_PER_S = 0.35  # rad/s of the root, smoothed over a second
 MIN_FRAMES = 90  # of a clip that go straight ahead, or it says nothing of its style's pace
 DRAWS = 240  # of words for each captured style, so that styles count alike
 # Weights in the fit, against all captured styles: of edits of steps, which have a pace of their own, and of the other edits.
 PACED_WEIGHT, LAYERED_WEIGHT = 0.15, 0.05
 # Chance of a part to be another's in the half of the fit that is composed; a leg is none of them: the pace is its own.
 OTHERS = {"left_arm": 0.5, "right_arm": 0.5, "torso": 0.4, "head": 0.5}
-PLAIN_OTHERS = 0.3  # of these are neutral
+NEUTRAL_OTHERS_FRACTION = 0.3  # of these are neutral
 FALLBACKS = {Gait.WALK: 1.3, Gait.JOG: 2.6}  # m/s
 # of the neutral walk, with which the program begins and whose words stand in many sentences
 PLAIN_WEIGHT = 4.0
@@ -59,7 +59,7 @@ def _composed(inputs: np.ndarray, neutral: np.ndarray, random: np.random.Generat
     for name, chance in OTHERS.items():
         part = PART_NAMES.index(name)
         others = parts[random.permutation(count), part]
-        others[random.random(count) < PLAIN_OTHERS] = neutral[part]
+        others[random.random(count) < NEUTRAL_OTHERS_FRACTION] = neutral[part]
         taken = random.random(count) < chance
         result[taken, part] = others[taken]
     return result.reshape(inputs.shape)
@@ -76,7 +76,7 @@ def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
         if part.stop - part.start < MIN_FRAMES:
             continue
         across, ahead, turn = (smooth(root[part, k : k + 1], 15.0)[:, 0] for k in range(3))
-        straight = (np.abs(np.arctan2(across, ahead)) < STRAIGHT) & (np.abs(turn) < STEADY_TURN)
+        straight = (np.abs(np.arctan2(across, ahead)) < STRAIGHT_RAD) & (np.abs(turn) < STEADY_TURN_RAD_PER_S)
         chosen = straight & (gait[part] > 0.9) & (speed[part] > 0.3)
         if chosen.sum() >= MIN_FRAMES:
             result[clip] = np.median(ahead[chosen])
@@ -191,9 +191,9 @@ def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
 
 
 REST_DRAWS = 6  # of words for each standing clip
-STANDING = 0.9  # fraction of a clip's frames
-MARGIN = 10  # frames at both ends, where the periodic autoencoder sees half a window
-SHORTEST = FPS  # frames
+STANDING_FRACTION = 0.9  # fraction of a clip's frames
+MARGIN_FRAMES = 10  # frames at both ends, where the periodic autoencoder sees half a window
+MIN_REST_FRAMES = FPS  # frames
 
 
 def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable) -> np.ndarray:
@@ -213,15 +213,15 @@ def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable) -> np.n
 
 
 def _inner(table: FrameTable, clip: int) -> slice:
-    return slice(int(table.start[clip]) + MARGIN, int(table.start[clip + 1]) - MARGIN)
+    return slice(int(table.start[clip]) + MARGIN_FRAMES, int(table.start[clip + 1]) - MARGIN_FRAMES)
 
 
 def _stands(table: FrameTable, clip: int) -> bool:
     frames = _inner(table, clip)
-    if frames.stop - frames.start < SHORTEST or table.held_out[clip]:
+    if frames.stop - frames.start < MIN_REST_FRAMES or table.held_out[clip]:
         return False
     gait = table.x[frames, INPUT["gait"]].reshape(-1, L, len(Gait))[:, L // 2, Gait.STAND]
-    return float((gait > 0.5).mean()) > STANDING
+    return float((gait > 0.5).mean()) > STANDING_FRACTION
 
 
 def _rhythm(phase: np.ndarray) -> np.ndarray:

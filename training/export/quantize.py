@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 KEPT = ("condition_weight", "head_weight", "base_weight", "encoder_second_bias")
 # What 8 bits may cost (`relative_error`). Where it is more, the last block's second product stays in full precision too:
 # it is small, and nothing after it averages its error out.
-LIMIT = 0.01
+MAX_RELATIVE_ERROR = 0.01
 LAST_LINEAR = "linear_{}"
 # The products before the denoising steps have one row for each character and wait for their weights: a second row
 # costs next to nothing.
 REFINED = ("encoder_first", "encoder_second", "front_wide")
-REMAINDER = 16.0  # small enough for the second row not to widen the range of the first
+REMAINDER_FACTOR = 16.0  # small enough for the second row not to widen the range of the first
 COURSES = (  # prompt, path, gait, terrain of the walks that the error is measured on
     ("a proud queen", "figure8", "walk", "flat"),
     ("walk like a drunk", "random", "walk", "hills"),
@@ -51,7 +51,7 @@ COURSES = (  # prompt, path, gait, terrain of the walks that the error is measur
     ("an old man with a bad back", "forward", "walk", "flat"),
     ("sneak carefully, head down", "random", "crouch", "flat"),
 )
-SECONDS = 4.0  # of each
+WALK_S = 4.0  # of each
 
 
 @dataclass(frozen=True)
@@ -105,11 +105,11 @@ def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
 
 
 def _refine(model: onnx.ModelProto) -> None:
-    """Give the inputs of the products in REFINED a second row: what their rounding to 8 bits leaves, times REMAINDER."""
+    """Give the inputs of the products in REFINED a second row: what their rounding to 8 bits leaves, times REMAINDER_FACTOR."""
     from onnx import helper, numpy_helper
 
     nodes = []
-    for name, value in (("remainder", REMAINDER), ("remainder_share", 1.0 / REMAINDER)):
+    for name, value in (("remainder", REMAINDER_FACTOR), ("remainder_share", 1.0 / REMAINDER_FACTOR)):
         model.graph.initializer.append(numpy_helper.from_array(np.array(value, np.float32), name))
     for node in model.graph.node:
         if node.op_type != "MatMul" or node.input[1] not in REFINED:
@@ -152,7 +152,7 @@ def quantize_model(
         frames = frames or record_frames(folder, text_encoder)
         measured = measure(folder, frames)
         section = {"default": default, "kept": list(kept), **measured}
-        if measured["relative_error"] <= LIMIT:
+        if measured["relative_error"] <= MAX_RELATIVE_ERROR:
             break
     _note(folder, section, digest)
     return section
@@ -188,7 +188,7 @@ def record_frames(folder: Path, text_encoder: Path | None) -> CalibrationFrames:
         controller = Controller(model, load_terrain(terrain), seed)
         controller.set_style(to_style(prompt), 0.0)
         script, pose = control_script(path, gait, 1.0, seed), controller.pose
-        for frame in range(round(SECONDS * FPS)):
+        for frame in range(round(WALK_S * FPS)):
             x, _, z = pose.root_position
             pose = controller.step(script(frame / FPS, PlanarPose(float(x), float(z), pose.root_yaw)))
     xs, noises, styles = zip(*model.frames, strict=True)

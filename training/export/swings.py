@@ -18,7 +18,7 @@ from runtime.arrays import Array
 from runtime.errors import run_command
 from runtime.motion.mirror import mirrored_code
 from runtime.motion.model_files import read_metadata, write_metadata
-from runtime.motion.swing import LEAST_GAIN, MOST_GAIN, PLAIN, SWINGS
+from runtime.motion.swing import MAX_GAIN, MIN_GAIN, PLAIN, SWINGS
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.evaluation.on_straight_walks import Measures, generated_walks, raw_walks
 from training.presets import OPEN
@@ -43,7 +43,7 @@ def measure_gains(evaluated: EvaluatedModel, raw: Mapping[str, Measures]) -> dic
         walked = generated_walks(gained, raw)
         for style, ours in walked.items():
             missing = np.array([raw[style][key] / max(ours[key], 1e-3) for key in MEASURES])
-            found[style] = np.clip(found[style] * missing, LEAST_GAIN, MOST_GAIN)
+            found[style] = np.clip(found[style] * missing, MIN_GAIN, MAX_GAIN)
         log.info("pass %d: %d styles", number + 1, len(walked))
     return found
 

@@ -39,13 +39,13 @@ SIZES = {  # metres
     ObstacleKind.GAP: (0.4, 0.6, 0.8, 1.0),
     ObstacleKind.BAR: (0.2, 0.25, 0.3, 0.4, 0.5, 0.6),
 }
-PASSED = 0.7  # fraction of the ways over a size that counts as crossed
+PASSED_FRACTION = 0.7  # fraction of the ways over a size that counts as crossed
 PLACE_M = 4.0  # of the near edge
 BEHIND_M, BEFORE_M = 2.0, 1.2  # what is walked behind it, and looked at before it
 BAR_M, FLOOR_M = 0.1, 0.6  # thickness of a bar; how deep a gap is
-LONGEST_S = 12.0
+MAX_WALK_S = 12.0
 LEVEL_FROM_M = 1.0  # of the way, where the style's own posture is taken
-MOST_TILT, SMOOTH = 0.35, FPS // 4  # radians that a trunk may tilt farther than there; frames
+MAX_TILT_RAD, SMOOTH_FRAMES = 0.35, FPS // 4  # radians that a trunk may tilt farther than there; frames
 NECK = SPORT_SKELETON.index("Neck")
 
 
@@ -62,7 +62,7 @@ def measure_traversals(folder: Path) -> dict[str, float]:
             ways = [way for gait in GAITS for way in ways_over(model, ground, codes, gait)]
             fraction = float(np.mean([not problem for problem in ways]))
             log.info("%s of %.2f m: %.0f %% of %d ways", kind.value, size, 100.0 * fraction, len(ways))
-            if fraction < PASSED:
+            if fraction < PASSED_FRACTION:
                 break
             crossed[kind.value] = size
     write_metadata(folder, read_metadata(folder) | {"crosses": crossed})
@@ -89,7 +89,7 @@ def ways_over(model: MotionModel, ground: Terrain, codes: Sequence[Array], gait:
         return Controls((0.0, float(seconds >= SETTLE_SECONDS)), gait=gait)
 
     members = characters(model, ground, codes)
-    walks = walk_together(members, stick, round((SETTLE_SECONDS + LONGEST_S) * FPS))
+    walks = walk_together(members, stick, round((SETTLE_SECONDS + MAX_WALK_S) * FPS))
     return [_problem(np.stack([pose.positions for pose in poses]), ground) for poses in walks]
 
 
@@ -107,14 +107,14 @@ def _problem(positions: Array, ground: Terrain) -> str:
 def folds(positions: Array, level: Array) -> bool:
     """Return whether a trunk tilts farther over an obstacle than ever on level ground: positions `(T, 31, 3)` of both."""
     tilts = [_tilt(each) for each in (positions, level)]
-    return bool(tilts[0].max() > tilts[1].max() + MOST_TILT)
+    return bool(tilts[0].max() > tilts[1].max() + MAX_TILT_RAD)
 
 
 def _tilt(positions: Array) -> Array:
     """Radians `(T,)` of the trunk from the vertical, smoothed over a quarter of a second."""
     trunk = positions[:, NECK].astype(np.float64) - positions[:, 0]
     angle = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 2]), trunk[:, 1])
-    return np.convolve(angle, np.full(SMOOTH, 1.0 / SMOOTH), mode="valid")
+    return np.convolve(angle, np.full(SMOOTH_FRAMES, 1.0 / SMOOTH_FRAMES), mode="valid")
 
 
 def main(argv: Sequence[str] | None = None) -> None:

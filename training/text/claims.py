@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from runtime.measures.table import BodyMeasures, Measure, kind_of, measures_of
 
-MOST_STEPS = 3.0  # of one measure, in a sum of changes
+MAX_STEPS = 3.0  # of one measure, in a sum of changes
 _SLIGHT = r"slightly|gently|a little|softly|lightly|weakly"
 _FAR = r"far|deeply|widely|heavily|strongly|very|thrown"
 _DEGREES = (  # of what is done slightly, plainly and far
@@ -79,7 +79,7 @@ class _Judged(NamedTuple):
             return 0.0
         beyond = self.walked - low if isinf(high) else high - self.walked
         size = max(self.claim.step, self._away(self.neutral))
-        return min(max(beyond / size - 1.0, 0.0), MOST_STEPS)
+        return min(max(beyond / size - 1.0, 0.0), MAX_STEPS)
 
     def _away(self, value: float) -> float:
         low, high = self.claim.range(self.neutral)
@@ -124,7 +124,7 @@ def unclaimed_change(part: str, sentence: str, neutral: BodyMeasures, walked: Bo
     total = 0.0
     for name, row in measures_of(part).items():
         if row.step is not None and row not in claimed:
-            total += min(abs(getattr(now, name) - getattr(before, name)) / row.step, MOST_STEPS)
+            total += min(abs(getattr(now, name) - getattr(before, name)) / row.step, MAX_STEPS)
     return total + sum(each.excess for each in _judged(part, sentence, neutral, walked))
 
 

@@ -26,7 +26,7 @@ _GESTURE = "hand"  # in the contents of what is captured standing
 _NOT_FORWARD = (
     "back", "left", "right", "side", "jump", "terrain", "transition", "idle", "run", "dash", "navigate",
 )  # fmt: skip
-MAX_TILT_CORRECTION = 10.0  # degrees; a neutral walk that looks down by more does look down
+MAX_TILT_CORRECTION_DEGREES = 10.0  # degrees; a neutral walk that looks down by more does look down
 MAX_DEVIATIONS = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
 _OF_CAPTURE = {"torso": ("pitch", "arch"), "head": ("pitch", "forward")}  # what retargeting may add
 
@@ -113,7 +113,7 @@ def _subtract(body: BodyMeasures, base: BodyMeasures) -> BodyMeasures:
     changed = {}
     for part, names in _OF_CAPTURE.items():
         own, usual = vars(getattr(body, part)), vars(getattr(base, part))
-        most = MAX_TILT_CORRECTION if part == "head" else np.inf
+        most = MAX_TILT_CORRECTION_DEGREES if part == "head" else np.inf
         less = {name: own[name] - float(np.clip(usual[name], -most, most)) for name in names}
         changed[part] = getattr(body, part).changed(**less)
     return replace(body, **changed)

@@ -28,7 +28,7 @@ from runtime.errors import FileError, run_command
 from runtime.measures.signals import smoothed, smoothed_facing
 from runtime.measures.table import TARGETS, kind_of, targets_of
 from runtime.motion.features import FPS
-from runtime.motion.style import NEUTRAL_SPEEDS
+from runtime.motion.style import NEUTRAL_M_PER_S
 from runtime.prompts.captured import PHRASE_MEASURES, captions_by_style, captured
 from runtime.prompts.edit_targets import HAND, phrases, spoken
 from runtime.prompts.library_data import load_styles
@@ -41,11 +41,11 @@ ASKED_WEIGHT = 1e-5  # of what is asked: enough to be measured, and next to noth
 LABELS = {"walk": 1, "jog": 2, "crouch": 3}  # columns of a clip's gait
 # what a clip of one gait is called; slow runs are labelled as walks
 _CONTENTS = {"walk": ("walk",), "jog": ("run", "jog", "dash"), "crouch": ("crouch",)}
-LEAD_S, SHORTEST_S, EVERY_S = 0.8, 1.3, 0.2  # read after a lead, in stretches that last, so often
+LEAD_S, MIN_STRETCH_S, EVERY_S = 0.8, 1.3, 0.2  # read after a lead, in stretches that last, so often
 MIN_SPEED_M_PER_S, MAX_TURN_RAD_PER_S, MAX_OFF_RAD = 0.25, 0.7, 0.45  # of a steady stretch straight ahead
-TWISTING_TIMES = 3.0  # these, of a clip in which such stretches are less than
-LEAST_STEADY_S, LEAST_STEADY_FRACTION = 20.0, 0.25  # these, of it: who is drunk or angry twists
-CLIPS_OF_STYLE, LONGEST_S = 12, 10.0  # of a style and content, and of a stretch, that are read at most
+TWISTING_FACTOR = 3.0  # these, of a clip in which such stretches are less than
+MIN_STEADY_S, MIN_STEADY_FRACTION = 20.0, 0.25  # these, of it: who is drunk or angry twists
+CLIPS_OF_STYLE, MAX_STRETCH_S = 12, 10.0  # of a style and content, and of a stretch, that are read at most
 _NOT_AHEAD = ("back", "left", "right", "side", "turn", "jump", "idle", "stand", "transition", "terrain")
 SPREAD_PERCENT = (30.0, 50.0, 70.0)  # low end, median and high end of a target
 QUARTILES_PERCENT = (25.0, 75.0)  # of the medians of several styles
@@ -67,9 +67,9 @@ def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
     yaw = smoothed_facing(SPORT_SKELETON.forward_kinematics(hips, local)[0])
     velocity = np.gradient(smoothed(hips[:, [0, 2]], 0.5), axis=0) * FPS
     steady = _steady(yaw, velocity)
-    least = min(LEAST_STEADY_S * FPS, LEAST_STEADY_FRACTION * len(steady))
+    least = min(MIN_STEADY_S * FPS, MIN_STEADY_FRACTION * len(steady))
     if sum(part.stop - part.start for part in _stretches(steady)) < least:
-        steady = _steady(yaw, velocity, TWISTING_TIMES)
+        steady = _steady(yaw, velocity, TWISTING_FACTOR)
     found: dict[str, list[Reading]] = {}
     for gait in named:
         alone = len(named) == 1
@@ -99,8 +99,8 @@ def _steady(yaw: Array, velocity: Array, times: float = 1.0) -> Flags:
 
 def _stretches(steady: Flags) -> Iterator[slice]:
     for first, last in stretches(steady):
-        if last - first >= SHORTEST_S * FPS:
-            yield slice(first, int(min(last, first + LONGEST_S * FPS)))
+        if last - first >= MIN_STRETCH_S * FPS:
+            yield slice(first, int(min(last, first + MAX_STRETCH_S * FPS)))
 
 
 def _read(
@@ -116,7 +116,7 @@ def _read(
         request = EditRequest(asked, float(yaw[k]), (float(velocity[k, 0]), float(velocity[k, 1])), 0.0)
         edits.apply(hips[k], local[k], contacts[k].astype(float), request)
         if k >= LEAD_S * FPS and k % round(EVERY_S * FPS) == 0:
-            found = reading(edits, float(np.hypot(*velocity[k])) / NEUTRAL_SPEEDS[jogs])
+            found = reading(edits, float(np.hypot(*velocity[k])) / NEUTRAL_M_PER_S[jogs])
             for part, moved in reach.items():
                 found[part][HAND_RANGE] = moved
             yield found

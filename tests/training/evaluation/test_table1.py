@@ -138,7 +138,7 @@ def test_rows_are_not_mixed_with_those_of_other_options(clips: Path, tmp_path: P
     ("more", "problem"),
     [
         ([], "no folder for the rows"),
-        (["--runs", "RUNS"], r"no clips of pfnn_rollouts, which the row terrain"),
+        (["--runs", "RUNS"], r"no clips of pfnn_rollouts, the training data of row terrain"),
         (["--runs", "RUNS", "--only", "pae", "--nice", "20"], "--nice 20: expected 0 to 19"),
         (["--runs", "RUNS", "--seeds", "0", "-1"], "--seeds -1"),
     ],

@@ -171,10 +171,10 @@ def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, work: Work) ->
     words = ["--clips", str(tmp_path), "--store", str(store)]
     run(TABLE1, words, "table1")
     assert set(json.loads(store.read_text(encoding="utf-8"))["cells"]) == {CAPTURE, SHIPPED}
-    with pytest.raises(FileError, match="of these options"):
+    with pytest.raises(FileError, match="of other options"):
         run(TABLE1, [*words, "--quick"], "table1")
     store.write_text("[]", encoding="utf-8")
-    with pytest.raises(FileError, match="of these options"):
+    with pytest.raises(FileError, match="of other options"):
         run(TABLE1, words, "table1")
 
 

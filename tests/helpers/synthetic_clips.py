@@ -1,4 +1,4 @@
-"""Clips of a figure that glides, as the import writes them: what tests of training learn from."""
+"""Clips of a gliding figure in the format of the importer, for tests of training."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ LENGTH_FRAMES = 260
 
 
 def write_clip(path: Path, style: str, yaw: float, slope: float = 0.0, held_out: bool = False) -> None:
-    """A figure with swinging legs that glides straight ahead, on a plane of the given slope along +Z."""
+    """Write a clip of a figure with swinging legs that glides straight ahead on a plane with `slope` along +Z."""
     t = np.arange(LENGTH_FRAMES) / features.FPS
     local = np.tile(rotations.identity((J,)), (LENGTH_FRAMES, 1, 1)).astype(np.float64)
     swing = 0.5 * np.sin(2 * np.pi * t)
@@ -39,7 +39,7 @@ def write_clip(path: Path, style: str, yaw: float, slope: float = 0.0, held_out:
 
 
 def flat_patch(positions: np.ndarray) -> Patches:
-    """Level ground under joint positions `(T, J, 3)`, a grid of 2 x 2."""
+    """Return level ground under joint positions `(T, J, 3)`, a grid of 2 x 2."""
     places = positions[..., [0, 2]].reshape(-1, 2)
     low, high = places.min(0) - 1.5, places.max(0) + 1.5
     return Patches(np.zeros((1, 2, 2)), (float(low[0]), float(low[1])), float((high - low).max()))
@@ -48,7 +48,7 @@ def flat_patch(positions: np.ndarray) -> Patches:
 def save_motion(
     folder: Path, name: str, motion: tuple[Array, Array, Array], gait: Gait = Gait.WALK, **changes: object
 ) -> None:
-    """A clip of hips, local rotations and contacts on level ground: by default a neutral walk to train on."""
+    """Write a clip of hips, local rotations and contacts on level ground, by default a neutral training walk."""
     values = {"style": "neutral", "content": "walk", "source": "100style", "split": "train", "tier": "exact"}
     flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
     labels = np.eye(6)[np.full(len(motion[0]), gait)]

@@ -8,12 +8,12 @@ from runtime.arrays import Array
 from training.augmentation.catalogue import PartEdit, catalogue, part_edits
 
 # legs first: some of their edits also describe the torso
-_SLOT_CHANCE = {"legs": 0.74, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}
-BOTH_ARMS_CHANCE, BOTH_LEGS_CHANCE = 0.2, 0.35  # that the other limb gets the same edit
-BOTH_SWING_CHANCE = 0.5  # the same for edits of arm swing
+_SLOT_PROBABILITY = {"legs": 0.74, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}
+BOTH_ARMS_PROBABILITY, BOTH_LEGS_PROBABILITY = 0.2, 0.35  # that the other limb gets the same edit
+BOTH_SWING_PROBABILITY = 0.5  # the same for edits of arm swing
 BOTH_POSTURE_FRACTION, BOTH_RHYTHM_FRACTION = 0.3, 0.72  # of edits of legs that concern both
 LEGS_RHYTHM_FRACTION = 0.55  # of edits of legs that are of rhythm and weight
-TOGETHER_CHANCE, WAIST_CHANCE = (
+TOGETHER_PROBABILITY, WAIST_PROBABILITY = (
     0.5,
     0.3,
 )  # that a base clip has two edits of legs; that its hips or waist are edited too
@@ -40,7 +40,7 @@ def draw(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
     """Draw one to four edits of different parts; returns their names in the order of application."""
     while True:
         chosen: list[PartEdit] = []
-        for slot, chance in _SLOT_CHANCE.items():
+        for slot, chance in _SLOT_PROBABILITY.items():
             if random.random() < chance:
                 chosen += _drawn(slot, chosen, random, standing)
         names = _in_order(chosen)
@@ -55,9 +55,9 @@ def draw_base(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
     """
     while True:
         chosen = _drawn("legs", [], random, standing)
-        if random.random() < TOGETHER_CHANCE:
+        if random.random() < TOGETHER_PROBABILITY:
             chosen += _beside(chosen, random, standing)
-        if not standing and random.random() < WAIST_CHANCE:
+        if not standing and random.random() < WAIST_PROBABILITY:
             edit = _one_of([e for e in _edits_of("torso") if e.kind in _OF_WAIST], random)
             chosen += [] if _taken(chosen, edit) else [edit]
         names = _in_order(chosen)
@@ -112,8 +112,8 @@ def _weights(edits: list[PartEdit]) -> Array:
 
 def _both_chance(edit: PartEdit) -> float:
     if edit.kind == "swing":
-        return BOTH_SWING_CHANCE
-    return BOTH_ARMS_CHANCE if "arm" in edit.name else BOTH_LEGS_CHANCE
+        return BOTH_SWING_PROBABILITY
+    return BOTH_ARMS_PROBABILITY if "arm" in edit.name else BOTH_LEGS_PROBABILITY
 
 
 def _one_of(edits: list[PartEdit], random: np.random.Generator, chances: Array | None = None) -> PartEdit:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
@@ -89,6 +90,8 @@ COLUMNS: dict[str, tuple[str, int]] = {
     "transitions": ("transition jerk", 2),
     "recognition": ("recognised", 2),
 }
+# columns of the differences from our full model
+COMPARED = ("fmd_encoder", "fmd_kinematic", "skating_soles", "diversity", "transitions", "recognition")
 
 
 def model_of(setting: Setting, row: TableRow | None, seed: int) -> Path | None:
@@ -211,14 +214,40 @@ def check_table_one(args: Arguments) -> None:
 
 
 def markdown(kept: dict[str, Any]) -> str:
-    """Return the table: mean ± deviation over seeds, no figures for untrained rows; below it the paper's table."""
+    """Return the table, mean ± deviation over seeds, then the differences from our full model, then the paper's table.
+
+    Rows that are not trained have no figures.
+    """
     titles = (CAPTURE, SHIPPED, *(row.title for row in ROWS))
     rows = [[title, *_cells(list(kept["cells"].get(title, {}).values()))] for title in titles]
     head = ["", "seeds", *(name for name, _ in COLUMNS.values())]
     names = ["FMD", "skating (cm)", "diversity", "ms", "parameters", "styles", "terrain", "seamless"]
     note = "The paper's Table I. Its FMD rests on another encoder and its times on a GPU: not comparable."
     paper = table(["", *names], [[row.title, *row.paper] for row in ROWS if row.paper])
-    return "\n".join([*table(head, rows), note, "", *paper])
+    return "\n".join([*table(head, rows), *_differences(kept["cells"]), note, "", *paper])
+
+
+def _differences(cells: dict[str, dict[str, Cells]]) -> list[str]:
+    """Return the table of differences from our full model at the same seed; bold: significant at 95 % (Student's t)."""
+    full = cells.get(ROWS[0].title, {})
+    rows = []
+    for row in ROWS[1:]:
+        own = cells.get(row.title, {})
+        pairs = [(own[seed], full[seed]) for seed in sorted(full) if seed in own]
+        if len(pairs) > 1:
+            shown = [_difference([a[k] - b[k] for a, b in pairs], COLUMNS[k][1]) for k in COMPARED]
+            rows.append([row.title, *shown])
+    if not rows:
+        return []
+    note = "Differences from *ours*, seed by seed: the same seed is scored on the same paths. Bold: not 0 at 95 % (Student's t)."
+    return [note, "", *table(["", *(COLUMNS[k][0] for k in COMPARED)], rows)]
+
+
+def _difference(values: Sequence[float], digits: int) -> str:
+    error = float(np.std(values, ddof=1)) / len(values) ** 0.5
+    certain = abs(mean(values)) > student_t.ppf(0.975, len(values) - 1) * error
+    text = _spread(values, digits)
+    return f"**{text}**" if certain else text
 
 
 def _cells(seeds: Sequence[Cells]) -> list[str]:

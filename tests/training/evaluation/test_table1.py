@@ -247,3 +247,20 @@ def test_two_commands_fill_one_store(tmp_path: Path, work: Work, monkeypatch: py
     cells = json.loads((tmp_path / "table1.json").read_text(encoding="utf-8"))["cells"]
     assert {title: set(seeds) for title, seeds in cells.items()} == {CAPTURE: {"0", "1"}, SHIPPED: {"0", "1"}}
     assert len(work.done) == len(set(work.done))
+
+
+def test_differences_are_taken_seed_by_seed_and_marked_where_they_are_certain() -> None:
+    def cells(*recognised: float) -> dict[str, dict[str, float]]:
+        return {str(seed): {**CELLS, "recognition": value} for seed, value in enumerate(recognised)}
+
+    kept = {
+        "cells": {
+            "ours": cells(0.5, 0.7, 0.9),
+            "PAE": cells(0.6, 0.8, 1.01),
+            "4 experts": cells(0.9, 0.7, 0.5),
+        }
+    }
+    _, _, differences = table1.markdown(kept).partition("Differences from *ours*")
+    assert lines_of(differences, "PAE")[0].endswith("| **0.10 ± 0.01** |")  # though both spread by 0.2
+    assert lines_of(differences, "4 experts")[0].endswith("| 0.00 ± 0.40 |")
+    assert "Differences" not in table1.markdown({"cells": {"ours": cells(0.5)}})

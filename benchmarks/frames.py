@@ -54,10 +54,10 @@ def frame_table(figures: dict[str, Any]) -> str:
     """Format the median of each part, longest first; for two clones the figures of each turn, and the median ratio."""
     if "turns" in figures:
         rows = [(other, own, own / other) for other, own in figures["turns"]]
-        lines = [f"{other:6.1f} and {own:6.1f} frames a second: {ratio:.2f}" for other, own, ratio in rows]
+        lines = [f"{other:6.1f} and {own:6.1f} frames per second: {ratio:.2f}" for other, own, ratio in rows]
         return "\n".join([*lines, f"median {statistics.median(ratio for *_, ratio in rows):.2f}"])
     medians = {part: statistics.median(ms) for part, ms in figures["times"].items()}
-    lines = [f"{figures['about']}: {figures['fps']:.1f} frames a second"]
+    lines = [f"{figures['about']}: {figures['fps']:.1f} frames per second"]
     lines += [f"{ms:8.2f} ms  {part}" for part, ms in sorted(medians.items(), key=lambda entry: -entry[1])]
     return "\n".join(lines)
 

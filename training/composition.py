@@ -133,7 +133,7 @@ class CompositionPlan:
         return CompositionPlan(self.changed[rows], self.clips[rows], self.shift[rows])
 
     def repeated(self, times: int) -> CompositionPlan:
-        """Return the plan with all samples repeated `times` times."""
+        """Return the plan with each sample repeated `times` times in a row."""
         return CompositionPlan(*(value.repeat_interleave(times, 0) for value in vars(self).values()))
 
     def words(self, base: Tensor) -> Tensor:

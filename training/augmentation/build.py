@@ -197,7 +197,7 @@ def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str,
 
     Each has its own random seed, so that an interrupted build resumes with the same clips.
     """
-    _sources(clips)  # read before the processes are forked
+    _sources(clips)  # cached before the worker processes start
     out.mkdir(parents=True, exist_ok=True)
     made = out / _MADE
     entries = _made_so_far(made)

@@ -64,7 +64,7 @@ def _cosine(steps: int, peak: float) -> Callable[[float], float]:
 
 
 def _denoiser_parameters(session: Session, module: Generator) -> Iterable[nn.Parameter]:
-    """Return the parameters to train, the denoiser's; its output starts at zero, so that the codes are E_d's."""
+    """Freeze all but the denoiser and return its parameters; as a new residual decoder it starts with output zero."""
     if module.config.residual_diffusion and not (session.out / START).exists():
         torch.nn.init.zeros_(module.denoiser.head.weight)
         torch.nn.init.zeros_(module.denoiser.head.bias)

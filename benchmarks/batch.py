@@ -1,4 +1,4 @@
-"""Clips a minute of `sport generate --batch`: python -m benchmarks.batch [--clips 40] [--seconds 4]."""
+"""Clips per minute of `sport generate --batch`: python -m benchmarks.batch [--clips 40] [--seconds 4]."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PROMPTS = ("a proud walk", "drunk", "an old man", "march like a soldier")
 
 
 def make_clips(folder: Path, clips: int, seconds: float, workers: int) -> None:
-    """Run the command, start of its processes included."""
+    """Run the command, including the start of its processes."""
     rows = [{"prompt": PROMPTS[k % len(PROMPTS)], "seed": k, "out": f"{k:05d}.bvh"} for k in range(clips)]
     table = folder / "list.jsonl"
     table.write_text("".join(json.dumps(row) + "\n" for row in rows))
@@ -26,13 +26,13 @@ def make_clips(folder: Path, clips: int, seconds: float, workers: int) -> None:
 
 
 def clips_a_minute(setting: Setting) -> str:
-    """Measure; the sentence that says it."""
+    """Measure; returns the result as a sentence."""
     args = setting.args
     os.environ["OMP_NUM_THREADS"] = "1"
     with temporary_folder() as folder:
         ms = times_ms(lambda: make_clips(folder, args.clips, args.seconds, args.workers), 1)[0]
     rate = 6e4 * args.clips / ms
-    return f"{args.clips} clips of {args.seconds:g} s on {args.workers} workers: {rate:.1f} a minute"
+    return f"{args.clips} clips of {args.seconds:g} s on {args.workers} workers: {rate:.1f} per minute"
 
 
 BATCH = Experiment(
@@ -42,7 +42,7 @@ BATCH = Experiment(
     "batch",
     options=(
         option("--clips", type=int, default=40),
-        option("--seconds", type=float, default=4.0, help="of each clip"),
+        option("--seconds", type=float, default=4.0, help="length of each clip"),
         option("--workers", type=int, default=2),
     ),
 )

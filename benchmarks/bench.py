@@ -1,4 +1,4 @@
-"""`sport bench`: what a frame, a prompt and a start cost on this machine."""
+"""`sport bench`: times of frames, prompts, exports and starts on this machine."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from viewer.filming.film import make_film
 from viewer.filming.shots import FilmOptions
 
 WARM_UP = 60  # frames
-RECORDED_FRAMES = 10  # that the viewer writes down together
+RECORDED_FRAMES = 10  # that the viewer writes together
 FILMED_FRAMES, FILM_S = 31, 6.0
 GENERATED_S = 12
 CROWDS = (1, 9, 32)  # characters
-BUSY_RATIO = 1.3  # times the fastest call of the network its median takes where others use the processor too
+BUSY_RATIO = 1.3  # median over fastest network call, above which other programs use the CPU
 FORWARD = Controls(move=(0.0, 1.0))
 PROMPTS = (
     "an exhausted soldier, left arm hanging",
@@ -53,43 +53,43 @@ PROMPTS = (
 _EXPLAINED = {
     "model_ms": "motion network, one frame, one thread, median",
     "model_ms_p99": "the same, 99th percentile",
-    "model_ms_fastest": "the same, fastest: far below the median where others use the processor too",
+    "model_ms_fastest": "the same, fastest: far below the median if other programs use the CPU",
     "step_ms": "control, network, foot lock and IK, median",
-    "crowd_1_ms": "the same for 1 character of a crowd, each with a style of its own, median",
+    "crowd_1_ms": "the same for a crowd of 1 character, each with its own style, median",
     "crowd_9_ms": "for 9 characters",
     "crowd_32_ms": "for 32 characters",
     "frame_cpu_ms": "one character and the interface, without rasterising, median",
     "frame_cpu_ms_p99": "the same, 99th percentile",
-    "step_over_model": "step_ms over model_ms; no ratio on a busy machine, where it would be another one",
+    "step_over_model": "step_ms over model_ms; omitted on a busy machine, where it would differ",
     "crowd_9_over_model": "crowd_9_ms over model_ms",
     "crowd_32_over_model": "crowd_32_ms over model_ms",
     "frame_cpu_over_model": "frame_cpu_ms over model_ms",
-    "step_processor_over_model": "the same by processor time, which holds on a busy machine too",
+    "step_processor_over_model": "the same by CPU time, also valid on a busy machine",
     "crowd_9_processor_over_model": "for 9 characters, both threads",
     "crowd_32_processor_over_model": "for 32 characters",
     "frame_processor_over_model": "one character and the interface",
-    "recording_ms": "what a recorded frame costs more to be on disk, at 60 Hz: queue and writing thread, mean",
-    "recording_queue_ms_p99": "handing over ten frames on the frame's path, 99th percentile",
+    "recording_ms": "added cost of recording a frame to disk at 60 Hz: queue and writing thread, mean",
+    "recording_queue_ms_p99": "queueing ten frames in the frame loop, 99th percentile",
     "prompt_ms": "prompt to style without network, median",
-    "prompt_first_ms": "the first prompt, loading included",
-    "first_frame_s": "start of the program to its first frame, offscreen",
-    "generate_s": "`sport generate` of 12 s as BVH, from its start to its end",
+    "prompt_first_ms": "the first prompt, including loading",
+    "first_frame_s": "from program start to first frame, offscreen",
+    "generate_s": "`sport generate` of 12 s as BVH, the whole process",
     "resimulate_s": "a second of a take resimulated from the middle between two keyframes",
-    "film_s": "a film of 6 s at 1280x720, 30 frames a second, MP4, high quality; from 30 of its frames",
-    "moves_s": "and to a character that walks as its prompt says",
-    "quit_s": "and from the wish to end that program to its end",
-    "rss_mb": "most memory of that program after 120 frames",
+    "film_s": "a film of 6 s at 1280x720, 30 frames per second, MP4, high quality; from 30 of its frames",
+    "moves_s": "and to a character that walks by its prompt",
+    "quit_s": "and from closing that program to its end",
+    "rss_mb": "peak memory of that program after 120 frames",
 }
 
 
 def run(json_path: Path | None, frames: int = 1000, model: Path | None = None) -> int:
-    """Measure, print a table and write `json_path`; the exit code."""
+    """Measure, print a table and write `json_path`; returns the exit code."""
     if not 10 <= frames <= 1_000_000:
         raise UsageError(f"--frames {frames}: expected 10 to 1000000.", "Choose another number.")
     if json_path is not None:
         check_target(json_path)
     with temporary_folder() as folder, patch.dict(os.environ, SPORT_CONFIG_DIR=str(folder)):
-        figures = measure(frames, model)  # nobody's settings, and what it records is nobody's
+        figures = measure(frames, model)  # without user settings, in a temporary folder
     print(
         f"model {figures['model']} in {figures['precision']} on {figures['cpu']}, {figures['threads']} thread"
     )
@@ -104,7 +104,7 @@ def run(json_path: Path | None, frames: int = 1000, model: Path | None = None) -
 
 
 def measure(frames: int, model: Path | None) -> dict[str, Any]:
-    """All figures by name; a figure that cannot be taken here is None, and `notes` says why."""
+    """Return all figures by name; a figure that cannot be measured is None, with the reason in `notes`."""
     network = load_model(model)
     figures: dict[str, Any] = {"notes": [], **dict.fromkeys(_EXPLAINED)}
     figures |= _step_times(network, frames)
@@ -133,9 +133,7 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
     }
     busy = figures["model_ms"] > BUSY_RATIO * figures["model_ms_fastest"]
     if busy:
-        figures["notes"].append(
-            "This machine is busy: times are longer than they are, and there are no ratios of them."
-        )
+        figures["notes"].append("This machine is busy: times are too long, and their ratios are omitted.")
     for name in _EXPLAINED:
         what, over, _ = name.partition("_over_model")
         used = what.endswith("_processor")
@@ -166,7 +164,7 @@ def _step_times(network: MotionModel, frames: int) -> dict[str, float]:
 
 
 def _crowd_times(network: MotionModel, frames: int) -> dict[str, float]:
-    """A step of characters that walk next to each other on one stick, on two threads: ms for all of them."""
+    """Time a step of characters with a shared stick, side by side, on two threads: ms for all of them."""
     ground = Terrain.flat()
     codes = np.random.default_rng(0).normal(0.0, 0.5, (CROWDS[-1], *network.style_shape)).astype(np.float32)
     figures = {}
@@ -184,7 +182,7 @@ def _crowd_times(network: MotionModel, frames: int) -> dict[str, float]:
 
 
 def _recording_times(frames: int) -> dict[str, float]:
-    """A recording at the rate of the simulation: milliseconds a frame, the writing thread's processor time included."""
+    """Time a recording at the rate of the simulation: ms per frame, including CPU time of the writing thread."""
     rows = np.zeros((RECORDED_FRAMES, FRAME_NUMBERS), np.float32)
     sticks = np.zeros((RECORDED_FRAMES, COLUMNS))
     rows[:, 3:-5:4] = 1.0  # unit rotations
@@ -229,12 +227,12 @@ def _prompt_times(network: MotionModel) -> dict[str, float]:
     to_style = Prompter(network)
     to_style("walk normally, please")
     first = 1e3 * (time.perf_counter() - begin)
-    times = [times_ms(partial(to_style, prompt), 1)[0] for prompt in PROMPTS]  # a second time is a look-up
+    times = [times_ms(partial(to_style, prompt), 1)[0] for prompt in PROMPTS]  # repetitions would be cached
     return {"prompt_first_ms": first, "prompt_ms": float(np.median(times))}
 
 
 def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
-    """Frames of the viewer itself, walking, with everything that draws pixels left out."""
+    """Time frames of the walking viewer without any drawing of pixels."""
     from viewer.app import App
     from viewer.options import ViewOptions
 
@@ -251,7 +249,7 @@ def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
 
 
 def _film_times(network: MotionModel) -> dict[str, float]:
-    """A film of a walk on flat ground, by the time from one drawn frame to the next and until the file is whole."""
+    """Time a film of a walk on flat ground, from the time per frame and of finishing the file."""
     controller, recorder, ground = Controller(network, Terrain.flat()), ClipRecorder(), Terrain.flat()
     for _ in range(FILMED_FRAMES * 2):
         recorder.add(controller.step(FORWARD))
@@ -263,7 +261,7 @@ def _film_times(network: MotionModel) -> dict[str, float]:
     return {"film_s": FILM_S * FilmOptions.fps * seconds}
 
 
-# the loaders work next to the frames, as they do in a window; offscreen all is loaded before the first one
+# loaders run in parallel to the frames, as in a window; offscreen, loading would finish before the first frame
 _START = """
 import gc, sys, time
 from sport.cli import NEW_OBJECTS
@@ -291,11 +289,11 @@ print(time.monotonic() - begin)
 
 
 def _start_times(model: Path | None) -> dict[str, float | None]:
-    """Seconds from nothing to the first frame of a new process (second of two starts), and a run's memory."""
+    """Measure seconds from start to first frame of a new process (second of two starts), and peak memory."""
     named = [str(model)] if model else []
     command = [sys.executable, "-m", "sport", "view", "--offscreen", "--frames", "120"]
     with temporary_folder() as folder:
-        # modules are compiled once, as for whoever starts the program a second time
+        # modules are compiled in the first start, as for a user who starts the program again
         compiled = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         compiled["PYTHONPYCACHEPREFIX"] = str(folder)
         for _ in range(2):
@@ -306,8 +304,8 @@ def _start_times(model: Path | None) -> dict[str, float | None]:
     return {"first_frame_s": first, "moves_s": moves, "quit_s": quits, "rss_mb": memory}
 
 
-# Linux counts as a child's memory what its parent held when it was started, and this benchmark holds a whole viewer:
-# a process with nothing in it starts the one that is measured
+# Linux includes the memory of the parent at the start in a child's peak, and this benchmark contains a whole viewer, so an
+# empty process starts the measured one
 _MEASURE = """
 import resource, subprocess, sys
 code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
@@ -317,7 +315,7 @@ sys.exit(code)
 
 
 def peak_memory_mb(command: list[str]) -> float | None:
-    """Most memory that `command` held, in MB; None where the system does not tell (Windows). SportError when it fails."""
+    """Return the peak memory of `command` in MB, None if unknown (Windows); SportError if it fails."""
     if importlib.util.find_spec("resource") is None:
         return None
     peak = float(_run([sys.executable, "-c", _MEASURE, *command]))

@@ -1,8 +1,8 @@
-"""Frames of the real window by part: `xvfb-run -a python -m benchmarks.frames --quality fast --size 1280x720`.
+"""Frame times of the real window by part: `xvfb-run -a python -m benchmarks.frames --quality fast --size 1280x720`.
 
-Each part waits until its drawing is done, which a window does not do: the parts are what each of them costs, the frames
-a second are measured without waiting. A window with its own folder of settings; needs a display.
-`--against CLONE` measures another clone of the project in turns with this one, and prints the ratio of each turn.
+Each part waits until its drawing is finished, unlike in normal use, to give its own cost; frames per second are measured
+without waiting. The window uses a temporary settings folder; a display is needed.
+`--against CLONE` measures another clone of the project alternately with this one, and prints the ratio of each turn.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from viewer.app import App
 from viewer.options import ViewOptions
 from viewer.settings import QUALITIES
 
-WARM_UP, LOAD_S = 30, 60.0  # frames, and seconds that loading may take
-TURNS = 5  # of each of two clones
-Times = dict[str, list[float]]  # milliseconds by part, one entry a frame
+WARM_UP, LOAD_S = 30, 60.0  # frames; time limit of loading
+TURNS = 5  # measurements of each of two clones
+Times = dict[str, list[float]]  # milliseconds by part, one entry per frame
 
 
 def frame_figures(setting: Setting) -> dict[str, Any]:
-    """Measure a window that walks: what it is, its frames a second, and its times."""
+    """Measure the window while walking; returns its description, frames per second and times."""
     args = setting.args
     if args.against is not None:
         return {"turns": turns(args.against, [*args.size.split("x"), str(args.frames), args.quality])}
@@ -51,23 +51,23 @@ def frame_figures(setting: Setting) -> dict[str, Any]:
 
 
 def frame_table(figures: dict[str, Any]) -> str:
-    """The median of each part, the longest first; of two clones both of each turn, and the median ratio."""
+    """Format the median of each part, longest first; for two clones the figures of each turn, and the median ratio."""
     if "turns" in figures:
         rows = [(other, own, own / other) for other, own in figures["turns"]]
-        lines = [f"{other:6.1f} and {own:6.1f} frames a second: {ratio:.2f}" for other, own, ratio in rows]
+        lines = [f"{other:6.1f} and {own:6.1f} frames per second: {ratio:.2f}" for other, own, ratio in rows]
         return "\n".join([*lines, f"median {statistics.median(ratio for *_, ratio in rows):.2f}"])
     medians = {part: statistics.median(ms) for part, ms in figures["times"].items()}
-    lines = [f"{figures['about']}: {figures['fps']:.1f} frames a second"]
+    lines = [f"{figures['about']}: {figures['fps']:.1f} frames per second"]
     lines += [f"{ms:8.2f} ms  {part}" for part, ms in sorted(medians.items(), key=lambda entry: -entry[1])]
     return "\n".join(lines)
 
 
 def turns(other: Path, arguments: list[str]) -> list[list[float]]:
-    """Frames a second of another clone and of this one in turns, so that what else the machine does meets both."""
+    """Measure frames per second of another clone and this one alternately, so that other load affects both."""
     return [[_fps(folder, arguments) for folder in (other, PROJECT_ROOT)] for _ in range(TURNS)]
 
 
-# of any version of the project: walks, and prints frames a second
+# runs in any version of the project: walks, and prints frames per second
 _WALK = """
 import sys, tempfile, time
 from pathlib import Path
@@ -89,7 +89,7 @@ with tempfile.TemporaryDirectory() as folder:
 
 
 def _fps(clone: Path, arguments: list[str]) -> float:
-    """Frames a second of a clone."""
+    """Measure the frames per second of a clone."""
     command = [sys.executable, "-c", _WALK, *arguments]
     environment = {**os.environ, "PYTHONPATH": str(clone)}
     done = subprocess.run(command, cwd=clone, env=environment, stdout=subprocess.PIPE, text=True, check=True)
@@ -97,7 +97,7 @@ def _fps(clone: Path, arguments: list[str]) -> float:
 
 
 def measure(app: App, frames: int) -> Times:
-    """Times of frames, of parts of them and of all else; the app's methods are replaced meanwhile."""
+    """Measure times of frames, of their parts and of the rest, by temporarily wrapping the app's methods."""
     timed: dict[str, tuple[Any, str]] = {
         "motion": (app.scene, "advance"),
         "scene": (app.scene.renderer, "render"),
@@ -140,7 +140,7 @@ FRAMES = Experiment(
         option("--quality", choices=[q for q in QUALITIES if q], default="fast"),
         option("--size", default="1280x720", metavar="WxH"),
         option("--frames", type=int, default=150),
-        option("--against", type=Path, metavar="CLONE", help="compare with another clone, in turns"),
+        option("--against", type=Path, metavar="CLONE", help="compare with another clone, alternately"),
     ),
 )
 

@@ -1,10 +1,10 @@
-"""The exported networks in three forms, against each other and against the memory that they have to read.
+"""Speed of the exported networks in three forms, compared with each other and with memory bandwidth.
 
 python -m benchmarks.networks                              layers of the shipped model, its own weights
 python -m benchmarks.networks --preset paper               any preset, random weights (needs the extra `[train]`)
 
-`plain` blends the content experts in every frame, `folded` has them folded once for each prompt, `int8` is the same with
-8-bit weights. One run measures all, so that they are compared under the same conditions. `--markdown FILE` puts the table
+`plain` blends the content experts in every frame, `folded` folds them once per prompt, `int8` is `folded` with 8-bit
+weights. One run measures all under the same conditions. `--markdown FILE` writes the table
 between the lines `<!-- networks NAME: begin -->` and `<!-- networks NAME: end -->` of a document.
 """
 
@@ -34,17 +34,17 @@ from training.markdown import table as markdown_table
 
 Feed = dict[str, Float32Array]
 
-BYTES = 256 << 20  # of the read bandwidth: well beyond any cache
+BYTES = 256 << 20  # read in the bandwidth test, far larger than any cache
 BATCHES = (1, 8, 32)
-# Every row is timed in rounds minutes apart: other tenants of a machine come and go, and would else decide single rows.
-ROUNDS, ROUND_S = 3, 0.7  # seconds of a row in each round, and at least MIN_FRAMES
+# Every row is timed in rounds minutes apart, so that temporary load from others does not affect single rows.
+ROUNDS, ROUND_S = 3, 0.7  # time per row and round, with at least MIN_FRAMES
 MIN_FRAMES, MAX_FRAMES, WARM_UP = 10, 350, 10
 ERROR_FRAMES = 100
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A graph to be timed; `styles` is "shared" by the batch or one for "each" character."""
+    """A graph to time; `styles` is "shared" by the batch or "each" for one per character."""
 
     name: str
     path: Path
@@ -53,14 +53,14 @@ class Variant:
 
 
 def read_bandwidth(threads: int) -> float:
-    """GB/s at which `threads` threads read together: the best of eight searches for a maximum."""
+    """Return the read bandwidth of `threads` threads in GB/s: the best of eight searches for a maximum."""
     parts = np.array_split(np.ones(BYTES // 4, np.int32), threads)
     with ThreadPoolExecutor(threads) as pool:
         return BYTES / min(times_ms(lambda: list(pool.map(np.max, parts)), 8)) / 1e6
 
 
 def figures_of(setting: Setting) -> dict[str, Any]:
-    """The machine, its read bandwidth, and the rows."""
+    """Measure read bandwidth and all rows; returns them with a description of the machine."""
     preset, model = setting.args.preset, setting.folders[0]
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     with temporary_folder() as folder:
@@ -78,7 +78,7 @@ def figures_of(setting: Setting) -> dict[str, Any]:
 
 
 def _variants(folder: Path, preset: str | None, model: Path) -> list[Variant]:
-    """Untrained graphs for a preset; for a model its own, and untrained ones for those that it lacks."""
+    """Return untrained graphs for a preset; for a model its own graphs, and untrained ones where missing."""
     _untrained(folder, ["--preset", preset] if preset else ["--model", str(model)])
     metadata = {"sha256": {}} if preset else read_metadata(model)
     variants = []
@@ -146,7 +146,7 @@ def measure(
 
 
 def _prompts(style: Variant) -> tuple[Float32Array, list[Feed]]:
-    """Random Z^t `(32, 6, 64)`, and each folded."""
+    """Return random Z^t `(32, 6, 64)`, and their folded forms."""
     session = open_graph(style.path, style.data, 1)
     shape = session.get_inputs()[0].shape
     prompts = np.random.default_rng(2).standard_normal((max(BATCHES), *shape), np.float32)
@@ -169,7 +169,7 @@ def _feed(
 
 
 def _times(session: Any, feed: Feed) -> list[tuple[float, float]]:
-    """Milliseconds and processor milliseconds of the frames of one round."""
+    """Measure wall and CPU milliseconds of the frames of one round."""
     times_ms(lambda: session.run(None, feed), WARM_UP)
     times: list[tuple[float, float]] = []
     end = time.perf_counter() + ROUND_S
@@ -180,7 +180,7 @@ def _times(session: Any, feed: Feed) -> list[tuple[float, float]]:
 
 
 def _errors(variants: Sequence[Variant]) -> dict[str, float]:
-    """Of single frames on random inputs, by variant: the difference from the folded graph."""
+    """Measure the difference of each variant from the folded graph, on single frames with random inputs."""
     prompts, folds = _prompts(variants[0])
     outputs: dict[str, Float32Array] = {}
     for variant in {v.name: v for v in variants[1:]}.values():
@@ -196,13 +196,13 @@ def _errors(variants: Sequence[Variant]) -> dict[str, float]:
 
 
 def _known_errors(model: Path) -> dict[str, float]:
-    """What the model's own metadata say, measured on its walks."""
+    """Read the errors in the model's metadata, measured on its walks."""
     section = read_metadata(model).get("quantised", {})
     return {"folded int8": section["relative_error"]} if "relative_error" in section else {}
 
 
 def table(figures: dict[str, Any]) -> str:
-    """The figures as Markdown."""
+    """Return the figures as Markdown."""
     speeds = ", ".join(f"{v} GB/s on {n} thread(s)" for n, v in figures["read_bandwidth_gb_s"].items())
     about = f"network {figures['network']} on {figures['cpu']}, {figures['cores']} cores, load {figures['load']:.1f}"
     head = ["form", "styles", "batch", "threads", "ms median", "fastest", "p99", "processor ms", "floor"]
@@ -222,7 +222,7 @@ def table(figures: dict[str, Any]) -> str:
 
 def _check(args: Arguments) -> None:
     if args.preset and args.model:
-        raise UsageError("--preset and --model: one of them is timed.", "Leave one out.")
+        raise UsageError("--preset and --model: only one can be timed.", "Omit one.")
 
 
 NETWORKS = Experiment(

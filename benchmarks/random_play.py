@@ -1,8 +1,8 @@
-"""Random play: prompts, strengths, sticks and grounds change every few seconds, those that nobody walks on too.
+"""Random play: prompts, strengths, stick and terrain change every few seconds, including unwalkable terrain.
 
 python -m benchmarks.random_play --seeds 50 --minutes 0.1
 
-Counted are joints more than `DEPTH_M` under the ground and joints faster than `SPEED_M_S`; the exit code is 1 for one.
+Counts joints more than `DEPTH_M` below the ground or faster than `SPEED_M_S`; the exit code is 1 if there are any.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from training.markdown import number, table
 DEPTH_M = 0.3
 SPEED_M_S = 30.0
 SIZE_M = 40.0
-GROUND_SECONDS = 10  # after which the ground changes
+GROUND_SECONDS = 10  # interval of terrain changes
 STICK_SECONDS = (0.2, 2.5)
 PROMPT_SECONDS = (1.0, 6.0)
-STRENGTHS = (0.0, 1.5)  # what the viewer's slider reaches
+STRENGTHS = (0.0, 1.5)  # range of the viewer's slider
 PROMPTS = (
     "walk calmly", "waving both hands", "an angry giant stomping", "drunk", "sneaking like a thief", "a zombie",
     "wave with the right hand", "an old man with a bad back", "dancing with joy", "arms stretched out to the sides",
@@ -50,20 +50,20 @@ def _cells(cell_m: float) -> int:
 
 
 def cliffs(rng: Generator, height_m: float) -> Terrain:
-    """Plateaus of 5 m, each as high as the others or by `height_m` higher."""
+    """Return plateaus of 5 m, at height 0 or `height_m`."""
     levels = height_m * rng.integers(0, 2, (9, 9))
     index = np.minimum(np.arange(_cells(0.1)) // 50, 8)
     return _terrain(f"cliffs of {height_m:g} m", levels[np.ix_(index, index)], 0.1)
 
 
 def spikes(rng: Generator) -> Terrain:
-    """Level ground with needles of 4 m, one in 6 square metres."""
+    """Return level ground with spikes of 4 m, one per 6 square metres."""
     n = _cells(0.2)
     return _terrain("spikes of 4 m", 4.0 * (rng.random((n, n)) < 0.2**2 / 6.0), 0.2)
 
 
 def walls(rng: Generator) -> Terrain:
-    """Level ground with walls of 0.3 to 3 m, 0.3 m thick, along and across."""
+    """Return level ground with walls 0.3 to 3 m high and 0.3 m thick, along and across."""
     heights = np.zeros((_cells(0.1), _cells(0.1)))
     for _ in range(60):
         i, j = rng.integers(0, len(heights) - 40, 2)
@@ -74,7 +74,7 @@ def walls(rng: Generator) -> Terrain:
 
 
 def jagged(rng: Generator) -> Terrain:
-    """Noise of cells of half a metre: up to 6 m high in places, level in others."""
+    """Return noise with cells of half a metre: up to 6 m high in places, level elsewhere."""
     n = _cells(0.5)
     patches = np.kron(rng.choice([0.0, 0.2, 1.0, 6.0], (17, 17)), np.ones((5, 5)))[:n, :n]
     return _terrain("jagged noise", patches * rng.random((n, n)), 0.5)
@@ -84,13 +84,13 @@ _made = cache(make_terrain)  # some take seconds
 
 
 def ready(rng: Generator, name: str) -> Terrain:
-    """A ground of the library."""
+    """Return a predefined terrain."""
     return _made(name, int(rng.integers(3)))
 
 
 GROUNDS: tuple[Callable[[Generator], Terrain], ...] = (
     *(partial(ready, name=name) for name in TERRAIN_NAMES),
-    partial(ready, name="hurdles"),  # again: a pop was found there
+    partial(ready, name="hurdles"),  # a second time, because a pop was found there
     partial(cliffs, height_m=3.0),
     partial(cliffs, height_m=12.0),
     spikes,
@@ -104,20 +104,20 @@ class Count:
     """The counts of one run."""
 
     frames: int = 0
-    # frames with a joint under the ground, of each ground
+    # frames with a joint below the ground, by terrain
     under: Counter[str] = field(default_factory=Counter)
     fast: Counter[str] = field(default_factory=Counter)  # frames with a joint too fast
     deepest_m: float = 0.0
     fastest: float = 0.0  # m/s
-    first: list[str] = field(default_factory=list)  # where it happened
+    first: list[str] = field(default_factory=list)  # descriptions of the first failures
 
     @property
     def failures(self) -> int:
-        """Frames that must not be."""
+        """Number of failed frames."""
         return sum(self.under.values()) + sum(self.fast.values())
 
     def see(self, terrain: Terrain, joints: np.ndarray, last: np.ndarray, where: str) -> None:
-        """One frame: joints `(31, 3)`, and those of the frame before."""
+        """Check one frame: joints `(31, 3)`, and those of the previous frame."""
         depth = terrain.height(joints[:, 0], joints[:, 2]) - joints[:, 1]
         speed = np.linalg.norm(joints - last, axis=-1) * FPS
         self.frames += 1
@@ -147,7 +147,7 @@ def play(
     grounds: Sequence[Callable[[Generator], Terrain]] = GROUNDS,
     codes: Sequence[np.ndarray] = (),
 ) -> Count:
-    """Play for so long with prompts of these `codes` (6, 64); the ground changes every `GROUND_SECONDS`."""
+    """Play for `minutes` with prompts of `codes` `(6, 64)`; the terrain changes every `GROUND_SECONDS`."""
     rng, count = np.random.default_rng(seed), Count()
     stick_ends, prompt_ends, code, controls = 0, 0, 0, Controls()
     for frame in range(round(minutes * 60 * FPS)):
@@ -176,7 +176,7 @@ def play(
 
 
 def figures_of(setting: Setting) -> dict[str, Any]:
-    """The model's name and what was seen in each run, as plain data."""
+    """Run all seeds; returns the model's name and the counts of each run, as plain data."""
     args = setting.args
     model = load_model(args.model)
     prompter, runs = Prompter(model), []
@@ -189,7 +189,7 @@ def figures_of(setting: Setting) -> dict[str, Any]:
 
 
 def report(figures: dict[str, Any]) -> str:
-    """The table of these runs."""
+    """Return the table of the runs."""
     counts = [Count(**run) for run in figures["runs"]]
     fastest = [count.fastest for count in counts]
     cells = {
@@ -213,7 +213,7 @@ RANDOM_PLAY = Experiment(
     options=(
         option("--model", default="compact", help="compact or open (default: compact)"),
         option("--seeds", type=int, default=1, help="runs (default: 1)"),
-        option("--minutes", type=float, default=1.0, help="of each, simulated (default: 1)"),
+        option("--minutes", type=float, default=1.0, help="simulated minutes per run (default: 1)"),
         option("--first", type=int, default=0, help="the first seed (default: 0)"),
     ),
     failed=lambda figures: any(Count(**run).failures for run in figures["runs"]),

@@ -1,8 +1,8 @@
-"""Every kind of exported file read by a program that is not ours: is each joint within a millimetre, in each frame?
+"""Exported files of every kind read by third-party libraries: joints must be within a millimetre in each frame.
 
     python -m benchmarks.read_back [--markdown docs/results/read_back.md]
 
-The truth is the pose that the window shows. Without usd-core there is no USD.
+The reference is the displayed pose. USD needs usd-core.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ from training.markdown import table
 RATES = (30.0, 30000 / 1001, 60.0)
 OWN = Path("tests/runtime/character/characters/box_man.glb")
 FLAT = Terrain.flat()
-# of each take its rate, and places (T, 3) of joints by name
+# by take: rate, and joint positions (T, 3) by name
 Read = dict[str, tuple[float, dict[str, AnyArray]]]
 
 
 def read_bvh(path: Path, unit: str) -> Read:
-    """A BVH by the text alone: matrices of its channels, one after the other."""
+    """Read a BVH from its text: product of the matrices of its channels."""
     head, _, motion = path.read_text(encoding="utf-8").partition("MOTION")
     joints = _bvh_joints(head)
     lines = motion.strip().splitlines()
@@ -74,7 +74,7 @@ def _bvh_joints(head: str) -> list[dict[str, Any]]:
 def _bvh_local(joint: dict[str, Any], values: AnyArray, columns: Iterator[int]) -> AnyArray:
     local = np.tile(np.eye(4), (values.shape[1], 1, 1))
     local[:, :3, 3] = joint["offset"]
-    kinds = [channel[0] for channel in joint["channels"]]  # positions first, as they are written here
+    kinds = [channel[0] for channel in joint["channels"]]  # positions come first in our files
     read = np.array([values[next(columns)] for _ in kinds]).T
     if len(kinds) == 6:
         local[:, ["XYZ".index(axis) for axis in kinds[:3]], 3] = read[:, :3]
@@ -85,7 +85,7 @@ def _bvh_local(joint: dict[str, Any], values: AnyArray, columns: Iterator[int]) 
 
 
 def read_glb(path: Path) -> Read:
-    """A GLB by pygltflib: keys of each node, one after the other down the tree."""
+    """Read a GLB by pygltflib: keys of each node, composed down the tree."""
     from pygltflib import GLTF2
 
     gltf = GLTF2.load(str(path))
@@ -116,7 +116,7 @@ def _glb_values(gltf: Any, index: int) -> AnyArray:
 
 
 def _glb_local(node: Any, number: int, keys: dict[tuple[int, str], AnyArray], frames: int) -> AnyArray:
-    """Matrices `(frames, 4, 4)` of a node by its keys, or as it rests."""
+    """Return matrices `(frames, 4, 4)` of a node from its keys, or its rest transform."""
     turn = keys.get((number, "rotation"), node.rotation or [0, 0, 0, 1])
     place = keys.get((number, "translation"), node.translation or [0, 0, 0])
     return _matrix(turn, place, node.scale or [1.0, 1.0, 1.0], frames)
@@ -130,7 +130,7 @@ def _matrix(rotation: Any, translation: Any, scale: Any, frames: int) -> AnyArra
 
 
 def read_fbx(path: Path) -> Read:
-    """An FBX by ufbx, in a process of its own: it crashes where it frees a scene."""
+    """Read an FBX by ufbx, in a separate process, because ufbx crashes when it frees a scene."""
     target = path.with_suffix(".npz")
     process = multiprocessing.get_context("spawn").Process(target=_ufbx, args=(path, target))
     process.start()
@@ -162,7 +162,7 @@ def _ufbx(path: Path, target: Path) -> None:
 
 
 def read_usd(path: Path) -> Read:
-    """A USD by OpenUSD's own skinning, each of its variants."""
+    """Read a USD by OpenUSD's skinning, for each of its variants."""
     from pxr import Usd
 
     stage, found = Usd.Stage.Open(str(path)), Read()
@@ -194,7 +194,7 @@ READERS: dict[str, Callable[[Path], Read]] = {
 }  # fmt: skip
 
 
-Row = tuple[str, int, bool, Path | None]  # kind, takes, whether with a root on the ground, character
+Row = tuple[str, int, bool, Path | None]  # kind, number of takes, root on the ground or not, character
 
 
 def rows_of(kind: str) -> list[Row]:
@@ -204,7 +204,7 @@ def rows_of(kind: str) -> list[Row]:
 
 
 def cell(row: Row, rate: float, takes: list[Path]) -> tuple[float, str]:
-    """The largest distance in millimetres, and what else is wrong."""
+    """Return the largest distance in millimetres, and other errors."""
     kind, count, root, own = row
     suffix, _, unit = kind.partition(" ")
     given: dict[str, Any] = {"unit": unit} if suffix == "bvh" else {"engine": "maya"} if unit == "cm" else {}
@@ -225,7 +225,7 @@ def cell(row: Row, rate: float, takes: list[Path]) -> tuple[float, str]:
 
 
 def _farthest_mm(places: dict[str, AnyArray], wanted: dict[str, AnyArray]) -> float:
-    """The largest distance of a joint; infinite where one is missing. In USD a name has letters, digits and _."""
+    """Return the largest joint distance, infinite if a joint is missing. USD names have only letters, digits and _."""
     found = {name: places.get(name, places.get(name.replace(":", "_"))) for name in wanted}
     return max(
         np.inf if there is None else 1e3 * float(np.abs(there - wanted[name]).max())
@@ -234,7 +234,7 @@ def _farthest_mm(places: dict[str, AnyArray], wanted: dict[str, AnyArray]) -> fl
 
 
 def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArray]:
-    """Places of the joints as the window shows them."""
+    """Return the joint positions of the displayed pose."""
     clip = prepare(load_clip_bvh(take), replace(options, with_takes=()), FLAT).clip
     if suffix == "bvh":
         return dict(zip(SPORT_SKELETON.names, clip.world()[0].swapaxes(0, 1), strict=True))
@@ -244,7 +244,7 @@ def _truth(take: Path, options: ExportOptions, suffix: str) -> dict[str, AnyArra
 
 
 def measure(setting: Setting) -> list[list[Any]]:
-    """Measure every row: its kind, takes, root and character, and its cells by rate."""
+    """Measure every row; returns kind, takes, root, character, and results by rate."""
     kinds, rows = [kind for kind in READERS if kind[:3] != "usd" or find_spec("pxr") is not None], []
     with temporary_folder() as folder:
         clip = generate_clip("a proud walk", seconds=2.0)
@@ -261,7 +261,7 @@ def _texts(row: Row) -> list[str]:
 
 
 def read_back_table(rows: list[list[Any]]) -> str:
-    """A line for each row; what is wrong in place of a distance."""
+    """Return a table with a line per row; errors replace distances."""
     head = ["file", "takes", "root", "character", *(f"{rate:.5g} fps" for rate in RATES)]
     lines = [[*row[:4], *(wrong or f"{worst:.4f} mm" for worst, wrong in row[4:])] for row in rows]
     return "\n".join(table(head, lines))

@@ -1,4 +1,4 @@
-"""What keeping a session costs: `python -m benchmarks.sessions`, with an hour of takes in it."""
+"""Cost of saving a session with an hour of takes: `python -m benchmarks.sessions`."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from runtime.skeleton import REST_HIPS_HEIGHT, J
 from runtime.takes.clip import Clip
 
 TAKES, MINUTES, EDITS = 20, 3, 50
-RECORDED_S, PIECE = 60, 15  # seconds of a recording, and its frames that are written together
+RECORDED_S, PIECE = 60, 15  # length of a recording, and frames written together
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and print all times."""
     with temporary_folder() as folder:
         home = folder
         file, history = SessionFile.create(home / "hour.sport", home / "characters"), History()
@@ -63,7 +63,7 @@ def _trim(history: History, file: SessionFile, first: int) -> None:
 
 
 def _walk(name: str, random: np.random.Generator) -> Clip:
-    """Frames of joints that swing, which are no walk but compress as one."""
+    """Return frames of swinging joints, which compress like a walk."""
     count = MINUTES * 60 * FPS
     at = np.arange(count) / FPS
     half = 0.3 * np.sin(2.0 * np.pi * at[:, None] * random.uniform(0.5, 1.5, J) + random.uniform(0.0, 6.0, J))
@@ -74,7 +74,7 @@ def _walk(name: str, random: np.random.Generator) -> Clip:
 
 
 def _record(file: SessionFile, random: np.random.Generator) -> float:
-    """The longest time (ms) that a piece of a recording takes of its thread."""
+    """Return the longest time (ms) for which a piece of a recording occupies the calling thread."""
     clip, times = _walk("recorded", random), []
     recording = file.begin_recording(replace(MotionHeader.of(clip, None), frames=0))
     turns = clip.local_rotations.reshape(len(clip), -1)

@@ -1,4 +1,4 @@
-"""How deep soles of other bodies lie in level ground, and how far their standing toes slide, in generated walks.
+"""Penetration of level ground by soles of other bodies, and sliding of their standing toes, in generated walks.
 
 python -m benchmarks.soles --seconds 4
 """
@@ -33,11 +33,11 @@ WALKS = (
     ("a proud queen", "walk"),
     ("a relaxed walk", "jog"),
 )
-MIN_STANDING_CONTACT = 0.7  # contact of a toe
+MIN_STANDING_CONTACT = 0.7  # contact probability of a standing toe
 
 
 def foot_meshes(character: Character) -> Character:
-    """The vertices of both feet alone."""
+    """Return the character reduced to the vertices of both feet."""
     lead = character.joint_indices[np.arange(len(character.positions)), character.joint_weights.argmax(1)]
     own = np.isin(
         np.array(character.joint_names)[lead], ["LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase"]
@@ -47,7 +47,7 @@ def foot_meshes(character: Character) -> Character:
 
 
 def measure(character: Character, clip: Clip) -> tuple[float, float, float]:
-    """The lowest point of the soles, its first percentile over frames, and the way of standing toes a frame, cm."""
+    """Return the lowest height of the soles, its first percentile, and the slide of standing toes per frame, cm."""
     positions, world = (array.astype(np.float64) for array in clip.world())
     positions, world = character.adapted(positions, world, clip.contacts.astype(np.float64))
     matrices = character.joint_matrices(positions, world) @ character.inverse_bind
@@ -61,7 +61,7 @@ def measure(character: Character, clip: Clip) -> tuple[float, float, float]:
 
 
 def sole_figures(setting: Setting) -> list[list[Any]]:
-    """The measures of every body and walk."""
+    """Measure every body and walk."""
     seconds, rows = setting.args.seconds, []
     mannequin = load_character(asset_path("character/mannequin.glb"))
     clips = [(f"{p}, {g}", generate_clip(p, gait=g, seconds=seconds, path="circle")) for p, g in WALKS]
@@ -75,7 +75,7 @@ def sole_figures(setting: Setting) -> list[list[Any]]:
 
 
 def sole_table(rows: list[list[Any]]) -> str:
-    """A row for each body and walk."""
+    """Return a table with a row per body and walk."""
     head = [
         "body, walk",
         "deepest, cm over the ground",

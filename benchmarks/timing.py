@@ -1,4 +1,4 @@
-"""How every benchmark times, names the processor and gives its figures."""
+"""Common timing functions of the benchmarks."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 
 
 def times_ms(work: Callable[[], object], count: int, warm_up: int = 0) -> list[float]:
-    """Milliseconds of each of `count` calls, after `warm_up` calls that do not count."""
+    """Measure the milliseconds of each of `count` calls, after `warm_up` calls."""
     return clock_and_processor_ms(work, count, warm_up)[0]
 
 
 def clock_and_processor_ms(
     work: Callable[[], object], count: int, warm_up: int = 0
 ) -> tuple[list[float], list[float]]:
-    """Milliseconds of each call, and those of all processors: they hardly grow where others use the machine too."""
+    """Measure wall and total CPU milliseconds of each call; the latter hardly depend on other load."""
     times, processor = [], []
     for number in range(warm_up + count):
         begin, used = time.perf_counter(), time.process_time()
@@ -28,7 +28,7 @@ def clock_and_processor_ms(
 
 
 def cpu_name() -> str:
-    """The processor as the system calls it."""
+    """Return the system's name of the CPU."""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

@@ -2,9 +2,9 @@
 
     python -m training.ablations --clips DIR --out RUNS --preset small --stage2-steps 3000 --stage3-steps 1000 --seeds 0 1 2
 
-Every row lands in RUNS/<row>/seed<k>/model, and RUNS/full/seed<k>/model-mixture is the one without diffusion. The row `full`
-is trained first: its phases and content encoder serve the rows that do not change them, unless `--run` names the folder of
-another run for that. Run again after a stop, the command goes on where it was.
+Each row is written to RUNS/<row>/seed<k>/model, the one without diffusion to RUNS/full/seed<k>/model-mixture. The row `full`
+is trained first: rows that do not change its phases and content encoder reuse them, unless `--run` names another run to
+take them from. After an interruption the same command resumes.
 `python -m training.evaluation table1 --train` trains and scores row by row.
 """
 
@@ -31,15 +31,15 @@ from training.presets import ABLATIONS
 log = logging.getLogger("sport.train")
 
 FULL, FRAMES, STAGE2 = "full", "frames", "stage2.pt"
-RECIPE = "recipe.json"  # how a row is trained, and whether it is
+RECIPE = "recipe.json"  # the options of a row's training, and whether it is finished
 
 
 @dataclass(frozen=True)
 class TrainedRow:
-    """One of our networks, on all clips or on those of one data set; or another method."""
+    """A row: our network trained on all clips or on one data set, or another method."""
 
     ablation: str = FULL
-    source: str = ""  # the only data set
+    source: str = ""  # the only data set used
     method: str = ""  # of `training.baselines`
 
 
@@ -49,7 +49,7 @@ TRAINED_ROWS = {
     "terrain": TrainedRow(source="pfnn_rollouts"),
     **{name: TrainedRow(method=name) for name in ("motion-matching", "pfnn", "mason2022", "style-label")},
 }
-# What an ablation can take over from the full model: the stages that its change leaves alone. Others take the phase.
+# Files that an ablation can reuse from the full model, because its change does not affect their stages.
 _PHASE, _CONTENT = ("phase.npy", "phase_final.pt"), ("content_final.pt",)
 SHARED: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(ABLATIONS, _PHASE),
@@ -58,19 +58,19 @@ SHARED: dict[str, tuple[str, ...]] = {
     ),
     **dict.fromkeys(("pae", "joined-hips"), _CONTENT),
 }
-# These differ from the full model in stage 3 alone, and take over its stage 2 of the same seed.
+# These differ from the full model only in stage 3, and reuse its stage 2 of the same seed.
 OTHER_DIFFUSION = ("distilled-diffusion", "expert-shares")
 STAGES = {"phase": 1000, "content": 2000, "words": 2000, "stage2": 2000, "stage3": 700}  # steps
-# of training, as `add_argument` takes them
+# options of training, as arguments of `add_argument`
 OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("--run", {"type": Path, "metavar": "DIR", "help": "finished run whose phases and content encoder serve"}),
-    ("--only", {"nargs": "+", "choices": tuple(TRAINED_ROWS), "metavar": "ROW", "help": "these rows alone"}),
+    ("--run", {"type": Path, "metavar": "DIR", "help": "finished run whose phases and content encoder are reused"}),
+    ("--only", {"nargs": "+", "choices": tuple(TRAINED_ROWS), "metavar": "ROW", "help": "train only these rows"}),
     ("--preset", {"default": "small"}),
     *((f"--{stage}-steps", {"type": int, "default": steps}) for stage, steps in STAGES.items()),
     ("--batch", {"type": int, "default": 256}),
-    ("--same-encoders", {"action": "store_true", "help": "seeds share the phases and content encoder of the row's seed 0"}),
-    ("--baseline-steps", {"type": int, "default": 4000, "help": "of other methods, of 256 frames"}),
-    ("--nice", {"type": int, "default": 19, "help": "priority given up for other work, 0 to 19 (default: 19)"}),
+    ("--same-encoders", {"action": "store_true", "help": "reuse the phases and content encoder of the row's seed 0"}),
+    ("--baseline-steps", {"type": int, "default": 4000, "help": "steps of the other methods, 256 frames each"}),
+    ("--nice", {"type": int, "default": 19, "help": "niceness of the process, 0 to 19 (default: 19)"}),
 )  # fmt: skip
 
 
@@ -79,26 +79,26 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Train and export the rows of Table I.")
     parser.add_argument("--clips", type=Path, required=True, metavar="DIR")
     parser.add_argument("--out", type=Path, required=True, metavar="RUNS")
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="every row once with each")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="train every row with each seed")
     for name, settings in OPTIONS:
         parser.add_argument(name, **settings)
     args = parser.parse_args(argv)
     log_progress()
     give_way(args.nice)
     check(args, args.only or list(ABLATIONS))
-    for seed in args.seeds:  # a whole table first, then its spread
+    for seed in args.seeds:  # the whole table once, then again with the next seed
         for name in args.only or ABLATIONS:
             train_row(args, args.out, name, seed)
 
 
 def give_way(nice: int) -> None:
-    """Lower this process's priority, where the system has such a thing."""
+    """Lower this process's priority, on systems that support it."""
     if hasattr(os, "nice"):
         os.nice(nice)
 
 
 def check(args: argparse.Namespace, names: Sequence[str]) -> None:
-    """UsageError before hours of training for what cannot be trained."""
+    """Raise UsageError for options that cannot be trained, before hours of training."""
     if not 0 <= args.nice <= 19:
         raise UsageError(f"--nice {args.nice}: expected 0 to 19.", "Try 19.")
     present = {_source(path) for path in sorted(args.clips.glob("*.npz"))}
@@ -106,8 +106,8 @@ def check(args: argparse.Namespace, names: Sequence[str]) -> None:
         source = TRAINED_ROWS[name].source
         if source and source not in present:
             raise UsageError(
-                f"--clips {args.clips}: no clips of {source}, which the row {name} is trained on.",
-                "Import them too, or name the other rows with --only.",
+                f"--clips {args.clips}: no clips of {source}, the training data of row {name}.",
+                "Import them too, or choose other rows with --only.",
             )
 
 
@@ -117,9 +117,9 @@ def _source(path: Path) -> str:
 
 
 def train_row(args: argparse.Namespace, out: Path, name: str, seed: int) -> None:
-    """Train and export one row below `out`, if it is not there.
+    """Train and export one row below `out`, unless it exists.
 
-    FileError where the row was begun with other options.
+    FileError if training of the row was started with other options.
     """
     row, folder = TRAINED_ROWS[name], out / name / f"seed{seed}"
     recipe = {**asdict(row), "seed": seed, **_numbers(args, row)}
@@ -131,7 +131,7 @@ def train_row(args: argparse.Namespace, out: Path, name: str, seed: int) -> None
         log.info("%s, seed %d: already trained", name, seed)
         return
     if known and known != recipe:
-        raise FileError(f"{folder}: trained with other options.", "Name another folder, or the same options.")
+        raise FileError(f"{folder}: trained with other options.", "Choose another folder, or those options.")
     _keep(folder, recipe, False)
     log.info("%s, seed %d", name, seed)
     if row.method:
@@ -142,7 +142,7 @@ def train_row(args: argparse.Namespace, out: Path, name: str, seed: int) -> None
 
 
 def _numbers(args: argparse.Namespace, row: TrainedRow) -> dict[str, Any]:
-    """The options that decide a row's weights."""
+    """Return the options that determine a row's weights."""
     if row.method:
         return {"steps": args.baseline_steps}
     return {name: getattr(args, name) for name in ("preset", *(f"{s}_steps" for s in STAGES), "batch")}
@@ -154,18 +154,18 @@ def _keep(folder: Path, recipe: dict[str, Any], trained: bool) -> None:
 
 
 def _train_method(args: argparse.Namespace, row: TrainedRow, folder: Path, seed: int) -> None:
-    """Another method, from its beginning: it takes minutes."""
+    """Train another method from scratch, which takes minutes."""
     from training.baselines import motion_matching, train
     from training.baselines.folders import Order
 
-    shutil.rmtree(folder / "model", ignore_errors=True)  # of a run that was stopped
+    shutil.rmtree(folder / "model", ignore_errors=True)  # left by an interrupted run
     method = motion_matching if row.method == "motion-matching" else train
     order = Order(row.method, args.clips, folder / "model", model_folder(), args.baseline_steps, seed)
     method.make(order, log.info)
 
 
 def _train_ours(args: argparse.Namespace, out: Path, name: str, seed: int) -> None:
-    """One of our networks; every stage goes on from its checkpoint."""
+    """Train one of our networks; every stage resumes from its checkpoint."""
     from training import pipeline
 
     row, folder, full = TRAINED_ROWS[name], out / name / f"seed{seed}", out / FULL / f"seed{seed}"
@@ -189,14 +189,14 @@ def _train_ours(args: argparse.Namespace, out: Path, name: str, seed: int) -> No
     steps += [f"--batch={args.batch}", f"--seed={seed}"]
     common = ["--preset", args.preset, "--clips", str(clips), "--out", str(folder), "--layers", "0"]
     pipeline.main(["all", *common, "--ablation", row.ablation, *steps])
-    if name == FULL:  # its stage 2 is the row without diffusion
+    if name == FULL:  # its stage 2 also gives the row without diffusion
         pipeline.main(["export", *common, "--ablation", name, "--decoder", "mixture"])
 
 
 def prepare(run: Path, out: Path, files: Sequence[str], clips: Path) -> None:
     """Copy `files` of `run` into `out`, unless they are there; FileError names what is missing."""
     out.mkdir(parents=True, exist_ok=True)
-    # the table of all frames: gigabytes, which every variant of the same clips maps
+    # the table of all frames: gigabytes, memory-mapped by every variant of the same clips
     if stored_for(run / FRAMES, clips) and not (out / FRAMES).exists():
         (out / FRAMES).symlink_to((run / FRAMES).resolve(), target_is_directory=True)
     for file in files:
@@ -211,7 +211,7 @@ def _copy_once(file: Path, to: Path) -> None:
 
 
 def clips_of(clips: Path, source: str, to: Path) -> Path:
-    """The folder `to` of links to the clips of one data set and to their descriptions."""
+    """Fill the folder `to` with links to the clips of one data set and to their descriptions, and return it."""
     to.mkdir(parents=True, exist_ok=True)
     paths = [path for path in sorted(clips.glob("*.npz")) if _source(path) == source]
     for path in [*paths, *sorted(clips.glob("*.json"))]:

@@ -1,4 +1,4 @@
-"""Arguments of `sport train`: read without torch."""
+"""Arguments of `sport train`; importing them does not import torch."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from pathlib import Path
 
 from training.presets import ABLATIONS, PRESETS
 
-# of the time that --minutes leaves for them
+# of the training time that --minutes allows
 FRACTIONS = {"phase": 0.04, "content": 0.16, "words": 0.03, "stage2": 0.63, "stage3": 0.14}
 STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "ground", "export")
 DECODERS = ("diffusion", "mixture")
-COUNT = 4600  # edited clips
+LAYERED_CLIPS = 4600  # number of edited clips
 
 
 @dataclass
 class StageSteps:
-    """Optimiser steps (0: skip by loading what exists) of each stage: the length of its schedule with --minutes."""
+    """Optimiser steps of each stage (0: load its existing result); with --minutes, the length of its schedule."""
 
     phase: int = 1000
     content: int = 2500
@@ -26,11 +26,11 @@ class StageSteps:
     stage2: int = 11000
     stage3: int = 1500
     ground: int = 3000
-    batch: int = 1024  # samples of a step of stages 2 and 3, over all processes
+    batch: int = 1024  # samples per step of stages 2 and 3, over all processes
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Arguments of `sport train`."""
+    """Return the argument parser of `sport train`."""
     parser = argparse.ArgumentParser(
         prog="sport train", description="Train the networks from motion capture; every stage can be resumed."
     )
@@ -40,10 +40,10 @@ def build_parser() -> argparse.ArgumentParser:
         "--decoder",
         choices=DECODERS,
         default="diffusion",
-        help="of the export: mixture is stage 2 without diffusion, written to OUT/model-mixture",
+        help="decoder to export: mixture is stage 2 without diffusion, written to OUT/model-mixture",
     )
     parser.add_argument("--ablation", help=f"change the preset: {', '.join(ABLATIONS)}")
-    parser.add_argument("--layers", type=int, default=COUNT, help="layered clips to make (stage layer)")
+    parser.add_argument("--layers", type=int, default=LAYERED_CLIPS, help="layered clips (stage layer)")
     parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
     parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
     parser.add_argument(
@@ -52,7 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--text-encoder", type=Path, metavar="DIR", help="folder of a text encoder (default: the shipped one)"
     )
-    parser.add_argument("--device", default="", help="cpu or cuda (default: cuda where there is one)")
+    parser.add_argument("--device", default="", help="cpu or cuda (default: cuda if available)")
     parser.add_argument("--no-half", action="store_true", help="no bf16 mixed precision")
     parser.add_argument("--seed", type=int, default=0)
     for name, value in vars(StageSteps()).items():
@@ -60,29 +60,29 @@ def build_parser() -> argparse.ArgumentParser:
             f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value
         )
     parser.add_argument(
-        "--processes", type=int, default=1, help="that train stages 2 and 3 together, such as one a core"
+        "--processes", type=int, default=1, help="processes for stages 2 and 3, such as one per core"
     )
     parser.add_argument(
         "--course-minutes",
         type=float,
         default=0.0,
-        help="of the model's own traversals, which the stage ground learns from (default: none, and no such stage)",
+        help="minutes of the model's own traversals, the data of stage ground (default: none, skip that stage)",
     )
     parser.add_argument(
         "--minutes",
         type=float,
         metavar="N",
-        help="end after N minutes: every stage up to stage3 has its part of them, and its schedule goes by time;"
-        " `all` leaves ground and export for later",
+        help="stop after N minutes: every stage up to stage3 gets a fraction of them, and its schedule follows time;"
+        " `all` then omits ground and export",
     )
     parser.add_argument(
-        "--no-graphs", action="store_true", help="compute every step, in place of CUDA graphs on a GPU"
+        "--no-graphs", action="store_true", help="on a GPU, run every step without CUDA graphs"
     )
     return parser
 
 
 def log_progress() -> None:
-    """Show what is logged with its time, and nothing of the exporters' own."""
+    """Show log messages with their time, without those of the ONNX exporters."""
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
         logging.getLogger(chatty).setLevel(logging.WARNING)

@@ -1,4 +1,4 @@
-"""Batches of training frames on one device: gathering of terrain patch, reference ground, phases and style."""
+"""Batches of training frames on one device: x and y gathered with terrain patch, reference ground and phases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from training.gpu import constant, rows_of
 
 
 def window_around(rows: Tensor, offsets: Tensor, first: Tensor, last: Tensor) -> Tensor:
-    """Frames `(B, n)` at `offsets` `(n,)` from `rows` `(B,)`; beyond a clip, `first` to `last` `(N,)`, its end is repeated."""
+    """Frames `(B, n)` at `offsets` `(n,)` from `rows` `(B,)`; beyond a clip (`first` to `last`, `(N,)`) its end frame is repeated."""
     index = rows[:, None] + offsets
     return torch.minimum(torch.maximum(index, first[rows, None]), last[rows, None])
 
@@ -37,8 +37,8 @@ class FrameTensors:
     first: Tensor  # (N,) first frame of each frame's clip
     last: Tensor  # (N,)
     patches: Tensor  # (N,) number of terrain patches
-    clip: Tensor  # (N,) each frame's clip
-    composer: Composer | None = None  # puts parts of other clips on a base
+    clip: Tensor  # (N,) clip of each frame
+    composer: Composer | None = None  # combines parts of other clips with a base clip
 
     @staticmethod
     def of(table: FrameTable, phase: np.ndarray, device: torch.device) -> FrameTensors:
@@ -66,14 +66,14 @@ class FrameTensors:
         return self.phase[index].flatten(1)
 
     def inputs(self, rows: Tensor, patch: Tensor) -> Tensor:
-        """x `(B, 472)` of frames `rows` on terrain patch `patch` `(B,)`."""
+        """Return x `(B, 472)` of frames `rows` on terrain patch `patch` `(B,)`."""
         x = self.x[rows].float()
         x[:, INPUT["heights"]] = self.heights[rows, patch].float()
         x[:, INPUT["joint_positions"]][:, 1::3] -= self.previous_ground[rows, patch][:, None]
         return torch.cat([x, self._window(rows - 1, features.PHASE_OFFSETS)], dim=1)
 
     def outputs(self, rows: Tensor, patch: Tensor, plan: CompositionPlan | None = None) -> Tensor:
-        """y `(B, 473)`, with parts of other clips where `plan` has them."""
+        """Return y `(B, 473)`, with parts of other clips according to `plan`."""
         y = self.y[rows].float()
         y[:, OUTPUT["phase"]] = self._window(rows, features.FUTURE_PHASE_OFFSETS)
         y[:, OUTPUT["joint_positions"]][:, 1::3] -= self.ground[rows, patch][:, None]
@@ -87,7 +87,7 @@ class FrameTensors:
     def pairs(
         self, rows: Tensor, patch: Tensor, plan: CompositionPlan | None = None
     ) -> tuple[Tensor, Tensor]:
-        """x and y of the same frames, both with parts of other clips where `plan` has them."""
+        """Return x and y of the same frames, both with parts of other clips according to `plan`."""
         x, y = self.inputs(rows, patch), self.outputs(rows, patch)
         if plan is not None and self.composer is not None:
             changed = plan.changed.any(1)
@@ -100,27 +100,27 @@ class FrameTensors:
         return x, y
 
     def plan(self, rows: Tensor, ahead: int = 0, often: float = 1.0) -> CompositionPlan:
-        """The parts that are put on the bases `rows`, see `Composer.draw`: none without a composer."""
+        """Draw the parts of other clips for base frames `rows` (`Composer.draw`); none without a composer."""
         if self.composer is None:
             return CompositionPlan.nothing(len(rows), rows.device)
         return self.composer.draw(rows, ahead, often)
 
 
 def _put(y: Tensor, at: Tensor | slice, changed: Tensor, pose: UpperBodyPose, ground: Tensor) -> None:
-    """Write composed upper bodies into those rows `at` of y `(B, 473)` that are `changed` `(n,)`, in place."""
+    """Write composed upper bodies into y `(B, 473)` in place, into the rows of `at` that are `changed` `(n,)`."""
     _write(y, at, changed, OUTPUT["joint_positions"], _above(pose.positions, ground))
     _write(y, at, changed, OUTPUT["joint_velocities"], pose.velocities)
     _write(y, at, changed, OUTPUT["joint_rotations"], pose.rotations)
 
 
 def _write(into: Tensor, at: Tensor | slice, changed: Tensor, field: slice, upper: Tensor) -> None:
-    """Values `(n, 20, m)` of the upper body into its columns of a `field` of all joints."""
+    """Write upper-body values `(n, 20, m)` into the columns of these joints in a `field` of all joints."""
     columns = slice(field.start + upper.shape[2] * FIRST_OF_UPPER, field.stop)
     into[at, columns] = torch.where(changed[:, None], upper.flatten(1), into[at, columns])
 
 
 def _above(positions: Tensor, ground: Tensor) -> Tensor:
-    """Positions `(B, n, 3)` with their heights over `ground` `(B,)`."""
+    """Return positions `(B, n, 3)` with heights relative to `ground` `(B,)`."""
     return torch.stack([positions[..., 0], positions[..., 1] - ground[:, None], positions[..., 2]], dim=-1)
 
 
@@ -149,20 +149,20 @@ class RandomRows:
         return torch.minimum(rows, self._last[rows] - self._ahead)
 
     def _draw(self) -> None:
-        """Random numbers for many batches: they are the same on every device, which is waited for once."""
+        """Draw the random numbers of many batches at once on the CPU: equal on every device, one synchronisation."""
         self._before, self._used = self._generator.get_state(), 0
         size = (DRAWN_BATCHES, self._batch)
         drawn = torch.rand(size, generator=self._generator, dtype=torch.float64)
         self._drawn = drawn.to(self._last.device)
 
     def state_dict(self) -> dict[str, Any]:
-        """The state of the random numbers."""
+        """Return the state of the random number generator."""
         if self._used == DRAWN_BATCHES:
             return {"generator": self._generator.get_state(), "used": DRAWN_BATCHES}
         return {"generator": self._before, "used": self._used}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from there."""
+        """Continue from a saved state."""
         self._generator.set_state(state["generator"])
         if state["used"] < DRAWN_BATCHES:
             self._draw()
@@ -171,10 +171,10 @@ class RandomRows:
 
 @dataclass
 class Normalisation:
-    """Mean and deviation of x `(472,)` and y `(473,)`, and how far normalised x may be from zero.
+    """Mean and standard deviation of x `(472,)` and y `(473,)`, and the clipping limit of normalised x.
 
-    The limit is that of the capture for what the network feeds back without bounds, velocities and phases: a phase that
-    grows beyond it blends the experts as no captured frame does, grows faster, and a jogging character was thrown about.
+    Velocities and phases, which the network feeds back unbounded, are limited to the range of the capture: a phase beyond
+    it blends the experts as in no captured frame and grows further, which made a jogging character unstable.
     """
 
     x_mean: Tensor
@@ -185,7 +185,7 @@ class Normalisation:
 
     @staticmethod
     def measure(x: Tensor, y: Tensor) -> Normalisation:
-        """Measure samples `(n, 472)`, `(n, 473)`: deviations are shared inside each field, as in PFNN."""
+        """Measure samples `(n, 472)`, `(n, 473)`; all entries of a field share one deviation, as in PFNN."""
         mean, deviation = x.mean(0), _field_deviation(x, INPUT, _INPUT_SCALE)
         limit = torch.full_like(mean, float("inf"))
         for name in ("joint_velocities", "phase"):
@@ -193,7 +193,7 @@ class Normalisation:
         return Normalisation(mean, deviation, y.mean(0), _field_deviation(y, OUTPUT, {}), limit)
 
     def normalised(self, x: Tensor) -> Tensor:
-        """x `(B, 472)` in the networks' units."""
+        """Return normalised x `(B, 472)`."""
         return normalised(x, self.x_mean, self.x_deviation, self.x_limit)
 
     def to(self, device: torch.device) -> Normalisation:
@@ -201,11 +201,11 @@ class Normalisation:
 
 
 def normalised(x: Tensor, mean: Tensor, deviation: Tensor, limit: Tensor) -> Tensor:
-    """x `(B, n)` less its mean over its deviation, no farther than `limit` from zero."""
+    """Return (x - mean) / deviation of x `(B, n)`, clipped to ±`limit`."""
     return torch.maximum(torch.minimum((x - mean) / deviation, limit), -limit)
 
 
-# A field with a scale below one speaks more softly to the experts: the previous pose must not drown the controls.
+# A scale below one reduces a field's influence on the experts: the previous pose must not outweigh the controls.
 _INPUT_SCALE = {"joint_positions": 0.4, "joint_velocities": 0.4}
 _LOSS_WEIGHT = {
     "trajectory_positions": 2.0,
@@ -216,11 +216,11 @@ _LOSS_WEIGHT = {
 }
 
 
-# Of positions and rotations of a part's joints: words change them less than the step or the arms do.
+# Loss weights of positions and rotations of these parts: words change them less than steps and arms change.
 _PART_WEIGHT = {"left_leg": 2.2, "right_leg": 2.2, "torso": 2.0, "head": 2.5}
 
 
-# Of rotations that are a few degrees against those of arms and legs and carry the swing of pelvis, chest and shoulders.
+# Loss weights of rotations that vary little but determine the swing of pelvis, chest and shoulders.
 _TRUNK_WEIGHT = dict.fromkeys(("Hips", "LowerBack", "Spine", "Spine1"), 2.5) | dict.fromkeys(
     ("LeftShoulder", "RightShoulder"), 5.0
 )
@@ -239,7 +239,7 @@ def _field_deviation(values: Tensor, layout: dict[str, slice], scale: dict[str, 
 
 @lru_cache
 def loss_weights(device: torch.device) -> Tensor:
-    """Weight of each entry of y in Eq. 11."""
+    """Return the weight of each entry of y in Eq. 11."""
     weights = torch.ones(features.OUTPUT_SIZE, device=device)
     for name, value in _LOSS_WEIGHT.items():
         weights[OUTPUT[name]] = value

@@ -1,12 +1,12 @@
-"""Composition while training: a base clip with arms, torso and head of other clips at matching phase.
+"""Composition during training: arms, torso and head of other clips on a base clip, at matching gait phase.
 
-Stored layered clips show some thousand combinations of parts; here every sample is one of its own. What is drawn is a
-`CompositionPlan`: of every sample which parts are changed, the clip that gives each, and how its clock is set against the base's.
-Contacts, root, legs and phases stay the base's. Edits of posture come as parts of edited clips; edits of rhythm and
-weight move hips and feet, so such clips serve as bases and their torso is never given away or replaced.
+Stored layered clips hold some thousand combinations of parts; here every sample is a new combination. A random
+`CompositionPlan` says for each sample which parts are replaced, by which clips, and the offset of their clocks from the
+base's. Contacts, root, legs and phases are the base's. Posture edits are parts of edited clips; edits of rhythm and
+weight move hips and feet, so clips with them are bases, and their torso is never transferred or replaced.
 
-A part's rotations are kept against what it hangs on: arms and head against the chest (Spine1), the torso above the hips
-against the facing direction of the root.
+Rotations of a part are relative to its parent: arms and head to the chest (Spine1), the torso above the hips to the
+facing direction of the root.
 """
 
 from __future__ import annotations
@@ -29,33 +29,33 @@ from training.gpu import constant, rows_of
 from training.kinematics import bone_chains, matrices, turned_back
 from training.styles import StyleTexts
 
-PARTS = ("left_arm", "right_arm", "torso", "head")  # that can come from another clip
+PARTS = ("left_arm", "right_arm", "torso", "head")  # that can be taken from another clip
 UPPER = J - FIRST
 CHEST = SPORT_SKELETON.index("Spine1") - FIRST
 JOINTS_OF = [[j - FIRST for j in PART_JOINTS[part] if j >= FIRST] for part in PARTS]
 _FROM_CHEST = [j for k, part in enumerate(PARTS) if part != "torso" for j in JOINTS_OF[k]]
-CLIP_CLOCK_LENGTH = 4096.0  # clocks of two clips never meet
-FEWEST_LANDINGS = 3  # of the left foot, below which a clip does not step
-STEADY_SPEED_FRACTION = 0.7  # of a clip's median moving speed, from which the upper body swings in full
+CLIP_CLOCK_LENGTH = 4096.0  # offset between the clocks of consecutive clips, so that they never overlap
+MIN_LANDINGS = 3  # of the left foot, for a clip to count as stepping
+STEADY_SPEED_FRACTION = 0.7  # of a clip's median moving speed: above, the upper body swings fully
 COMPOSED_FRACTION = 0.5  # fraction of samples with at least one part of another clip
-# of those near a start, stop, turn or change of gait: captured in neutral mostly
+# near a start, stop, turn or change of gait, which are mostly captured in neutral style
 COMPOSED_MOMENTS_FRACTION = 0.8
-CHANGED_PART_PROBABILITY = 0.5  # chance of each part of a composed sample
+CHANGED_PART_PROBABILITY = 0.5  # that a part of a composed sample is replaced
 # fraction of composed samples whose parts all come from one clip, as a style's upper body
 SAME_CLIP_FRACTION = 0.4
 EDITED_PART_FRACTION = 0.5  # fraction of single parts that are exact edits; the others are captured
-MAX_TEMPO = 1.6  # ratio of two cadences up to which a part may be sped up or slowed down
-SHORTEST = FPS  # frames of a clip that gives parts
+MAX_TEMPO = 1.6  # largest ratio of two cadences at which a part is sped up or slowed down
+MIN_CLIP_FRAMES = FPS  # of a clip from which parts are taken
 _OF_HIPS = ("sway", "bounce")  # edits of posture that move the hips too
 _GIVEN = {part: k for k, part in enumerate(PARTS)}
 
 
 @dataclass
 class UpperBody:
-    """Upper bodies `(N, 20, 6)` of all frames and the clocks by which they are matched.
+    """Upper bodies `(N, 20, 6)` of all frames and the clocks that synchronise them.
 
-    `clock` `(N,)` rises within a clip: gait cycles, whole where the left foot lands, or seconds where `steps` `(clips,)`
-    is false. `activity` `(N,)` is 0 where a stepping clip stands and 1 where it moves as it usually does. `mean`
+    `clock` `(N,)` increases within a clip: gait cycles, integer where the left foot lands, or seconds where `steps`
+    `(clips,)` is false. `activity` `(N,)` is 0 where a stepping clip stands and 1 at its usual speed. `mean`
     `(clips, 20, 6)` is a clip's mean pose while it moves.
     """
 
@@ -68,7 +68,7 @@ class UpperBody:
 
     @staticmethod
     def of(table: FrameTable) -> UpperBody:
-        """Read the upper bodies of every clip of a table, one after the other."""
+        """Read the upper bodies of all clips of a table."""
         clips = len(table.styles)
         clock, activity = np.empty(len(table)), np.empty(len(table), np.float32)
         mean, steps = np.empty((clips, UPPER, 6), np.float32), np.zeros(clips, bool)
@@ -79,7 +79,7 @@ class UpperBody:
             own = np.asarray(table.upper[rows], np.float32) / FIXED_POINT_SCALE
             contacts = (y[:, OUTPUT["contacts"]] > 0.5).astype(np.uint8)
             landings = left_landings(contacts)
-            steps[clip] = len(landings) >= FEWEST_LANDINGS
+            steps[clip] = len(landings) >= MIN_LANDINGS
             beat = step_phase(contacts) if steps[clip] else np.arange(len(y)) / FPS
             clock[rows] = clip * CLIP_CLOCK_LENGTH + beat - np.floor(beat[0])
             activity[rows] = _activity(y, table.x[rows]) if steps[clip] else 1.0
@@ -94,14 +94,14 @@ class UpperBody:
         return UpperBody(*(value.to(device) for value in vars(self).values()))
 
     def at(self, low: Tensor, high: Tensor, weight: Tensor, joints: Tensor) -> Tensor:
-        """6D rotations `(B, n, 6)` of joints between frames `low` and `high` `(B,)`, not orthonormal."""
+        """Interpolate 6D rotations `(B, n, 6)` of joints between frames `low` and `high` `(B,)`, not orthonormal."""
         a = self.hung[low[:, None], joints].float()
         b = self.hung[high[:, None], joints].float()
         return torch.lerp(a, b, weight.float()[:, None, None]) / FIXED_POINT_SCALE
 
 
 def _activity(y: Array, x: Array) -> Array:
-    """How much of its usual swing an upper body has while its root goes as in y `(T, 473)`, x `(T, 342)`."""
+    """Return the fraction `(T,)` of its usual swing that an upper body has, from root speed in y `(T, 473)`, x `(T, 342)`."""
     speed = smooth(np.linalg.norm(y[:, OUTPUT["root"]][:, :2], axis=1)[:, None], 10.0)[:, 0]
     standing = np.asarray(x[:, INPUT["gait"]], np.float32).reshape(len(x), L, -1)[:, L // 2, Gait.STAND]
     moving = standing < 0.5
@@ -110,14 +110,14 @@ def _activity(y: Array, x: Array) -> Array:
 
 
 def acts_on_base(edit: PartEdit) -> bool:
-    """Return whether a torso edit moves hips or feet, and so cannot be given to another body."""
+    """Return whether a torso edit moves hips or feet, so that it cannot be transferred to another body."""
     return edit.kind in _OF_HIPS or (edit.does.of_steps and edit.kind != "shoulders")
 
 
 @dataclass
 class CompositionPlan:
-    """For every sample `(B,)`: which of `PARTS` are changed `(B, 4)`, their clips `(B, 4)`, what is added to the base's
-    clock (or to its seconds, for clips that do not step) to get the clip's `(B, 4)`."""
+    """For every sample: which of `PARTS` are changed `(B, 4)`, their clips `(B, 4)`, and the offset `(B, 4)` from the base's
+    clock to the clip's, in cycles, or in seconds for clips that do not step."""
 
     changed: Tensor
     clips: Tensor
@@ -125,7 +125,7 @@ class CompositionPlan:
 
     @staticmethod
     def nothing(count: int, device: torch.device) -> CompositionPlan:
-        """No part of `count` samples is changed."""
+        """Return a plan that changes no part of `count` samples."""
         whole = torch.zeros(count, len(PARTS), device=device)
         return CompositionPlan(whole.bool(), whole.long(), whole.double())
 
@@ -133,18 +133,18 @@ class CompositionPlan:
         return CompositionPlan(self.changed[rows], self.clips[rows], self.shift[rows])
 
     def repeated(self, times: int) -> CompositionPlan:
-        """Every sample `times` times, one after the other."""
+        """Return the plan with each sample repeated `times` times in a row."""
         return CompositionPlan(*(value.repeat_interleave(times, 0) for value in vars(self).values()))
 
     def words(self, base: Tensor) -> Tensor:
-        """Whose words each body part has: clips `(B, 6)` in the order of `PART_NAMES`."""
+        """Return the clip whose description applies to each body part, `(B, 6)` in the order of `PART_NAMES`."""
         given = torch.where(self.changed, self.clips, base[:, None])
         return torch.stack([given[:, _GIVEN[part]] if part in _GIVEN else base for part in PART_NAMES], dim=1)
 
 
 @dataclass
 class UpperBodyPose:
-    """The upper body as its root sees it: 6D rotations `(B, 20, 6)`, positions and velocities `(B, 20, 3)`."""
+    """Upper body relative to the root: 6D rotations `(B, 20, 6)`, positions and velocities `(B, 20, 3)`."""
 
     rotations: Tensor
     positions: Tensor
@@ -152,7 +152,7 @@ class UpperBodyPose:
 
 
 class Composer:
-    """Draws plans and composes poses by them, on the device of `frames`; see the module."""
+    """Draws plans and composes poses from them, on one device; see the module."""
 
     def __init__(
         self, table: FrameTable, texts: StyleTexts, y: Tensor, moments: np.ndarray, device: torch.device
@@ -166,11 +166,11 @@ class Composer:
         self.moments = torch.as_tensor(moments, device=device)
         self.keys = torch.as_tensor(texts.keys, device=device)
         self.fixed_torso = torch.as_tensor(_fixed_torsos(texts), device=device)
-        # of pairs of edits that never enter training together: both their parts, and both their keys
+        # pairs of edits that never occur together in training: both parts, and both keys
         self.forbidden = torch.as_tensor(_forbidden(texts), device=device).view(-1, 2, 2)
         self._captured, self._edited = _givers(table, texts, device)
         chains, offsets = bone_chains(device)
-        # of the upper joints; their parents among the hips (0) and these (from 1)
+        # of the upper joints; parents are the hips (0) or these joints (from 1)
         self._chains, self._offsets = chains[FIRST:, FIRST:], offsets[FIRST:]
         self._parents = torch.as_tensor(
             [max(p - FIRST + 1, 0) for p in SPORT_SKELETON.parents[FIRST:]], device=device
@@ -179,9 +179,9 @@ class Composer:
     # --- plans --------------------------------------------------------------------------------------------------------
 
     def draw(self, rows: Tensor, ahead: int = 0, often: float = 1.0) -> CompositionPlan:
-        """A plan for base frames `rows` `(B,)` whose clips last for `ahead` frames more, or as long as their bases do.
+        """Draw a plan for base frames `rows` `(B,)`; clips of its parts last `ahead` more frames, or as long as the base.
 
-        Samples are composed `often` times as often as `COMPOSED_FRACTION` and `COMPOSED_MOMENTS_FRACTION` say.
+        `often` scales the fractions of composed samples, `COMPOSED_FRACTION` and `COMPOSED_MOMENTS_FRACTION`.
         """
         count, device = len(rows), rows.device
         composed_fraction = often * torch.where(
@@ -208,7 +208,7 @@ class Composer:
         return torch.where(same, captured[:, :1], clips)
 
     def _matched(self, rows: Tensor, plan: CompositionPlan, ahead: int) -> CompositionPlan:
-        """The plan with its clocks set, without parts whose cadence or length does not fit."""
+        """Return the plan with its clock offsets, without parts whose cadence or length does not fit."""
         upper, base = self.upper, self.clip[rows]
         ending = torch.minimum(rows + ahead, self.last[base])
         now, then = (self._base_clock(r, plan.clips) for r in (rows, ending))
@@ -216,7 +216,7 @@ class Composer:
         high = upper.clock[self.last[plan.clips]] - plan.clips * CLIP_CLOCK_LENGTH
         stepping = upper.steps[plan.clips]
         least, most = low - now, high - then
-        # one number a sample: parts of the same clip stay together
+        # one number per sample: parts of the same clip stay synchronous
         random = torch.rand(len(rows), 1, dtype=torch.float64, device=rows.device)
         free = least + random * (most - least)
         whole = least.ceil() + (random * (most.floor() - least.ceil() + 1)).floor()
@@ -227,14 +227,14 @@ class Composer:
         return replace(plan, changed=plan.changed & fits, shift=shift)
 
     def _base_clock(self, rows: Tensor, clips: Tensor) -> Tensor:
-        """Of base frames `(B,)` the clock `(B, n)` that each of `clips` `(B, n)` follows: cycles, or seconds."""
+        """Return the base's clock `(B, n)` at frames `rows` `(B,)` in the unit of each of `clips` `(B, n)`: cycles, or seconds."""
         base = self.clip[rows]
         cycles = self.upper.clock[rows] - base * CLIP_CLOCK_LENGTH
         seconds = (rows - self.first[base]).double() / FPS
         return torch.where(self.upper.steps[clips], cycles[:, None], seconds[:, None])
 
     def _allowed(self, rows: Tensor, plan: CompositionPlan) -> CompositionPlan:
-        """Without torsos that cannot be given or replaced, and without pairs of edits that are held out."""
+        """Remove torsos that must not be transferred or replaced, and held-out pairs of edits, from a plan."""
         torso = PARTS.index("torso")
         base = self.clip[rows]
         changed = plan.changed.clone()
@@ -242,10 +242,10 @@ class Composer:
         clips = replace(plan, changed=changed).words(base)
         keys = self.keys[clips, constant(range(len(PART_NAMES)), rows.device)]
         pairs = (keys[:, self.forbidden[..., 0]] == self.forbidden[..., 1]).all(-1)  # (B, pairs)
-        return replace(plan, changed=changed & ~pairs.any(1)[:, None])  # the base itself holds no such pair
+        return replace(plan, changed=changed & ~pairs.any(1)[:, None])  # the base itself has no such pair
 
     def lasts(self, rows: Tensor, plan: CompositionPlan) -> Tensor:
-        """Return whether every changed part goes on at the base frames `rows`, `(B,)`."""
+        """Return whether the clips of all changed parts have frames at the base frames `rows`, `(B,)`."""
         clock = self._base_clock(rows, plan.clips) + plan.shift
         high = self.upper.clock[self.last[plan.clips]] - plan.clips * CLIP_CLOCK_LENGTH
         return (~plan.changed | (clock <= high)).all(1)
@@ -253,7 +253,7 @@ class Composer:
     # --- poses --------------------------------------------------------------------------------------------------------
 
     def poses(self, rows: Tensor, plan: CompositionPlan, before: int = 0) -> list[UpperBodyPose]:
-        """Composed poses of base frames `rows` and of the `before` frames ahead of them, latest first, by forward kinematics."""
+        """Return composed poses of base frames `rows` and of the `before` frames that precede them, latest first."""
         with torch.autocast(rows.device.type, enabled=False):  # velocities are small differences
             return self._poses(rows, plan, before)
 
@@ -274,7 +274,7 @@ class Composer:
         return result
 
     def rotations(self, rows: Tensor, plan: CompositionPlan) -> Tensor:
-        """Facing-relative rotation matrices `(B, 20, 3, 3)` of the upper body at base frames `rows`."""
+        """Return facing-relative rotation matrices `(B, 20, 3, 3)` of the upper body at base frames `rows`."""
         upper = self.upper
         hung = upper.hung[rows].float() / FIXED_POINT_SCALE
         for k, own in enumerate(JOINTS_OF):
@@ -288,7 +288,7 @@ class Composer:
         return turned.index_copy(1, hangs, turned[:, CHEST, None] @ turned[:, hangs])
 
     def _given(self, rows: Tensor, clips: Tensor, shift: Tensor, joints: Tensor) -> Tensor:
-        """What clips `(n,)` give at base frames `rows`: their pose there, nearer to its mean where a base stands."""
+        """Return the poses of clips `(n,)` at base frames `rows`, blended towards the clip's mean where the base stands."""
         upper = self.upper
         wanted = self._base_clock(rows, clips[:, None])[:, 0] + shift + clips * CLIP_CLOCK_LENGTH
         high = torch.searchsorted(upper.clock, wanted)
@@ -303,7 +303,7 @@ class Composer:
         return torch.lerp(upper.mean[clips[:, None], joints], given, swings)
 
     def _posed(self, rows: Tensor, plan: CompositionPlan) -> tuple[Tensor, Tensor]:
-        """6D rotations `(B, 20, 6)` and positions of the hips and these joints `(B, 21, 3)`, as the root sees them."""
+        """Return root-relative 6D rotations `(B, 20, 6)`, and positions `(B, 21, 3)` of the hips and these joints."""
         turned = self.rotations(rows, plan)
         y = self.y[rows]
         hips = y[:, OUTPUT["joint_positions"]][:, :3].float()
@@ -315,19 +315,19 @@ class Composer:
 
 
 def weighted(cumulative: Tensor, size: tuple[int, ...]) -> Tensor:
-    """Random indices by cumulative weights."""
+    """Draw random indices by cumulative weights."""
     draw = torch.rand(size, dtype=torch.float64, device=cumulative.device) * cumulative[-1]
     return torch.searchsorted(cumulative, draw).clamp_max(len(cumulative) - 1)
 
 
 def _fixed_torsos(texts: StyleTexts) -> np.ndarray:
-    """`(clips,)` bool: whose torso has the words of an edit that moves hips or feet."""
+    """Return `(clips,)` bool: the torso's description includes an edit that moves hips or feet."""
     fixed = np.array([any(map(acts_on_base, edits_of_key(name))) for name in texts.names], bool)
     return fixed[texts.keys[:, PART_NAMES.index("torso")]]
 
 
 def _forbidden(texts: StyleTexts) -> np.ndarray:
-    """Pairs of (part, key) that never enter training together, `(pairs, 2, 2)`."""
+    """Return pairs of (part, key) that never occur together in training, `(pairs, 2, 2)`."""
     number = {name: k for k, name in enumerate(texts.names)}
     pairs = [
         [(PART_NAMES.index(e.split(".")[0]), number.get(e, -1)) for e in pair]
@@ -337,12 +337,12 @@ def _forbidden(texts: StyleTexts) -> np.ndarray:
 
 
 def _givers(table: FrameTable, texts: StyleTexts, device: torch.device) -> tuple[Tensor, list[Tensor]]:
-    """Cumulative weights `(clips,)` of captured clips, styles alike, and of `PARTS` those of clips in which it is edited.
+    """Return cumulative weights `(clips,)` of captured clips, equal over styles, and of the clips that edit each of `PARTS`.
 
-    Held-out clips weigh nothing. Where no clip edits a part the captured ones stand for them.
+    Held-out clips have weight 0. If no clip edits a part, the captured ones are used.
     """
     length = np.diff(table.start)
-    usable = np.logical_not(table.held_out) & (length >= SHORTEST)
+    usable = np.logical_not(table.held_out) & (length >= MIN_CLIP_FRAMES)
     layered = np.array([content == LAYERED for content in table.contents])
     captured = usable & ~layered & (np.array(table.sources) != "pfnn_rollouts")
     captured = captured if captured.any() else usable

@@ -1,8 +1,8 @@
-"""Clips of a model's own characters on random courses, crossed by keys: what a network learns to cross them from.
+"""Training clips of a model's own characters on random obstacle courses, crossed by foot lock and keyframes.
 
-No capture shows a style on stairs, a beam or over a hurdle. As PARC (Xu et al. 2025) grows its terrain data, the
-controller leads characters of many styles over made ground: the network walks as on level ground, foot lock and keys put
-its legs where the ground asks for them. A stretch is kept where it passes every check, with the ground as it is.
+No capture shows styles on stairs, on a beam or over hurdles. As PARC (Xu et al. 2025) augments its terrain data, the
+controller moves characters of many styles over synthetic ground: the network walks as on level ground, foot lock and
+keyframes adapt the legs. Stretches that pass every check become clips, together with their ground.
 """
 
 from __future__ import annotations
@@ -37,23 +37,23 @@ log = logging.getLogger("sport.train")
 
 SOURCE = "courses"
 KINDS = ("obstacles", "stairs", "beam", "slopes")
-SHARES = (0.4, 0.3, 0.15, 0.15)  # of the courses
+COURSE_FRACTIONS = (0.4, 0.3, 0.15, 0.15)  # of the courses, by `KINDS`
 LENGTH_M, HALF_WIDTH_M, CELL_M, START_M = 30.0, 2.0, 0.05, 2.5
-SIDE_M = 0.5  # of the way to the left and right of the middle
-MAX_WALK_MINUTES = 0.4  # of one character on one course, at most
-MOST_WALKS = 25  # for a minute that passes: a model that walks needs three
-PIECE_S = 5.0  # that is kept or left out as a whole
-MAX_ACCELERATION_M_PER_S2 = 260.0  # m/s^2 of a joint: captured jogs have up to 250
-# m/s^2 that are rounded off, over so many frames
+SIDE_M = 0.5  # largest lateral distance of the path from the middle
+MAX_WALK_MINUTES = 0.4  # of one character on one course
+MAX_WALKS_PER_MINUTE = 25  # per minute of accepted motion: a usable model needs three
+PIECE_S = 5.0  # unit that is accepted or rejected as a whole
+MAX_ACCELERATION_M_PER_S2 = 260.0  # of a joint: captured jogs reach 250
+# joint acceleration above which motion is smoothed, and the half-width and sigma of the filter
 MIN_THROWN_M_PER_S2, SMOOTH_FRAMES, SMOOTH_SIGMA_FRAMES = 150.0, 5, 2.0
 
 
 class LevelSight(MotionModel):
-    """A model whose network sees level ground, whatever is there."""
+    """A model whose network always sees level ground."""
 
     @staticmethod
     def of(model: MotionModel) -> LevelSight:
-        """Another view of the same networks."""
+        """Wrap the same networks."""
         made = copy(model)
         made.__class__ = LevelSight
         assert isinstance(made, LevelSight)
@@ -62,14 +62,14 @@ class LevelSight(MotionModel):
     def step(
         self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style]
     ) -> tuple[Float32Array, Float32Array]:
-        """y and alpha as of level ground."""
+        """Return y and alpha for level ground."""
         level = x.copy()
         level[:, INPUT["heights"]] = 0.0
         return super().step(level, noise, style)
 
 
 def random_course(kind: str, generator: np.random.Generator) -> Terrain:
-    """Made ground of one of `KINDS`, its name, along +Z from a level start."""
+    """Return a random course of one of `KINDS`, along +Z from a level start."""
     nx, nz = round(2 * HALF_WIDTH_M / CELL_M) + 1, round((LENGTH_M + 6.0) / CELL_M) + 1
     x = (np.arange(nx) * CELL_M - HALF_WIDTH_M)[:, None]
     z = (np.arange(nz) * CELL_M - 3.0)[None, :]
@@ -81,7 +81,7 @@ def random_course(kind: str, generator: np.random.Generator) -> Terrain:
 
 
 def _obstacles(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
-    """Bars, gaps and platforms, two to four metres apart."""
+    """Add bars, gaps and platforms, two to four metres apart."""
     del x
     place, level, between = START_M + generator.uniform(0.5, 2.0), 0.0, (1.8, 3.6)
     while place < LENGTH_M - 4.0:
@@ -105,7 +105,7 @@ def _obstacles(heights: Array, x: Array, z: Array, generator: np.random.Generato
 
 
 def _stairs(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
-    """Flights of stairs up and down, and single steps, with landings between."""
+    """Add flights of stairs up and down, and single steps, with landings between."""
     del x
     place, level = START_M + generator.uniform(0.0, 2.0), 0.0
     while place < LENGTH_M - 4.0:
@@ -121,7 +121,7 @@ def _stairs(heights: Array, x: Array, z: Array, generator: np.random.Generator) 
 
 
 def _beam(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
-    """Beams behind and before ramps."""
+    """Add beams between ramps."""
     place = START_M + generator.uniform(0.0, 1.5)
     while place < LENGTH_M - 8.0:
         length, top = generator.uniform(5.0, 12.0), generator.uniform(0.2, 0.5)
@@ -132,7 +132,7 @@ def _beam(heights: Array, x: Array, z: Array, generator: np.random.Generator) ->
 
 
 def _slopes(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
-    """Hills and rough ground, level at the start."""
+    """Add hills and rough ground, level at the start."""
     steepest = np.tan(np.deg2rad(generator.uniform(6.0, 20.0)))
     field = np.zeros_like(heights)
     for wavelength, fraction in ((generator.uniform(4.0, 9.0), 1.0), (0.9, generator.uniform(0.0, 0.06))):
@@ -146,7 +146,7 @@ def _slopes(heights: Array, x: Array, z: Array, generator: np.random.Generator) 
 
 
 def walk(model: MotionModel, course: Terrain, style: str, code: Array, gait: Gait, seed: int) -> Motion:
-    """Led along a course by the stick alone, until its end or the time is up."""
+    """Walk a character along a course by stick alone, until its end or the time limit."""
     generator = np.random.default_rng(seed)
     seen = model if course.name == "slopes" else LevelSight.of(model)
     side = 0.0 if course.name == "beam" else generator.uniform(-SIDE_M, SIDE_M)
@@ -162,9 +162,9 @@ def walk(model: MotionModel, course: Terrain, style: str, code: Array, gait: Gai
 
 
 def smoothed(hips: Array, local: Array, positions: Array) -> tuple[Array, Array]:
-    """Hips `(T, 3)` and rotations `(T, 31, 4)`, rounded off over some frames where a joint is thrown about.
+    """Return hips `(T, 3)` and rotations `(T, 31, 4)`, smoothed over some frames around high joint accelerations.
 
-    A leg that a key or a lock takes over, or that comes to its full length, may change its speed within a frame.
+    A leg's speed may jump within one frame when a keyframe or foot lock takes over, or when the leg is fully extended.
     """
     from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
@@ -181,7 +181,7 @@ def smoothed(hips: Array, local: Array, positions: Array) -> tuple[Array, Array]
 
 
 def passes(walked: Motion, piece: slice) -> str:
-    """The first check that a stretch does not pass; empty where it passes all."""
+    """Return the first check that a stretch fails, or an empty string."""
     positions = walked.positions[piece]
     stands = np.linalg.norm(positions[-1, 0] - positions[0, 0]) < 0.2 * PIECE_S
     problem = first_problem(positions, walked.terrain, MAX_ACCELERATION_M_PER_S2)
@@ -189,7 +189,7 @@ def passes(walked: Motion, piece: slice) -> str:
 
 
 def kept(walked: Motion, name: str, seen: Counter[str]) -> Iterator[TrainingClip]:
-    """The stretches of a walk that pass, neighbours joined, each with its ground; `seen` counts the checks."""
+    """Yield the stretches of a walk that pass, adjacent ones joined, with their ground; `seen` counts the results."""
     length = round(PIECE_S * FPS)
     run: list[int] = []
     starts = range(round(FPS), len(walked.hips) - length + 1, length)
@@ -221,9 +221,9 @@ def _clip(walked: Motion, piece: slice, name: str) -> TrainingClip:
 
 
 def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, parts: int = 1) -> Counter[str]:
-    """Write clips of `minutes` that passed, mirrored ones too; returns how many stretches passed or failed what.
+    """Write `minutes` of accepted clips and their mirror images; returns counts of accepted stretches and failed checks.
 
-    FileError for a model of whose ways hardly one passes.
+    FileError for a model that hardly ever passes.
     """
     generator = np.random.default_rng([seed, part])
     texts = style_texts()
@@ -232,13 +232,13 @@ def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, part
     seen: Counter[str] = Counter()
     frames, number, walks = 0, part, 0
     while frames < 3600.0 * minutes / parts:
-        if walks > MOST_WALKS * minutes / parts + 10:
+        if walks > MAX_WALKS_PER_MINUTE * minutes / parts + 10:
             raise FileError(
-                f"{folder}: of {walks} walks over courses only {frames / FPS:.0f} s pass every check.",
-                "Train the model longer first, or leave --course-minutes out.",
+                f"{folder}: only {frames / FPS:.0f} s of {walks} walks over courses pass every check.",
+                "Train the model longer first, or omit --course-minutes.",
             )
         walks += 1
-        style, kind = str(generator.choice(styles)), str(generator.choice(KINDS, p=SHARES))
+        style, kind = str(generator.choice(styles)), str(generator.choice(KINDS, p=COURSE_FRACTIONS))
         gait = Gait.JOG if generator.random() < 0.35 else Gait.WALK
         code = evaluated.style(style, int(generator.integers(8)))
         course, walk_seed = random_course(kind, generator), int(generator.integers(1 << 30))
@@ -252,7 +252,7 @@ def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, part
 
 
 def make_all(folder: Path, out: Path, minutes: float, seed: int, processes: int) -> Counter[str]:
-    """Write the clips from several processes; see `make`."""
+    """Write the clips with several processes; see `make`."""
     out.mkdir(parents=True, exist_ok=True)
     jobs = [(folder, out, minutes, seed, part, processes) for part in range(processes)]
     if processes == 1:

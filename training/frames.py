@@ -1,4 +1,4 @@
-"""From retargeted clips to the table of training frames: every x and y but their phases, which stage 0 adds."""
+"""The table of training frames from retargeted clips: x and y without phases, which stage 0 adds."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from training.data.clips import Patches
 
 PAD = 61  # frames of extrapolated root path at each end of a clip
-FACING_SIGMA_FRAMES = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
+FACING_SIGMA_FRAMES = 12.0  # of the Gaussian that smooths the body's forward direction to the root's facing
 MAX_PATCHES = 3
 LAYERED = "layered"  # content of clips made by training.augmentation
 FIRST_OF_UPPER = 11  # joints from LowerBack on are the upper body
-FIXED_POINT_SCALE = 32767.0  # of rotations stored in 16 bits: 16 times finer than half floats near 1
-PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" describes
+FIXED_POINT_SCALE = 32767.0  # of rotations stored as int16: 16 times finer than float16 near 1
+PLAIN = "neutral"  # the neutral style that "a person walking normally" describes
 
 
 @dataclass
 class ClipFrames:
-    """All frames of one clip, root-relative; ground heights are kept apart because terrain patches vary."""
+    """All frames of one clip, root-relative; ground heights are separate because terrain patches vary."""
 
-    x: Array  # (T, 342) without heights' contribution of the reference ground; phases are added later
+    x: Array  # (T, 342) heights not yet relative to the reference ground; phases are added later
     y: Array  # (T, 473) phases zero
     heights: Array  # (T, K, 36) relative to `ground`
-    ground: Array  # (T, K) reference ground of frame i
+    ground: Array  # (T, K) reference ground of each frame
     previous_ground: Array  # (T, K)
-    upper: Array  # (T, 20, 6) fixed point, `_upper`
+    upper: Array  # (T, 20, 6) fixed point, see `_upper`
     style: str
     content: str
     source: str
@@ -60,7 +60,7 @@ def smooth(values: Array, sigma: float) -> Array:
 
 
 def extrapolate(path: Array, pad: int = PAD) -> Array:
-    """Extend a path `(T, n)` by `pad` frames at both ends with the mean velocity of twelve frames there."""
+    """Extend a path `(T, n)` by `pad` frames at both ends at the mean velocity of the twelve frames there."""
     n = min(12, len(path) - 1)
     steps = np.arange(1, pad + 1)[:, None]
     before = path[0] - steps[::-1] * (path[n] - path[0]) / n
@@ -69,19 +69,19 @@ def extrapolate(path: Array, pad: int = PAD) -> Array:
 
 
 def repeat_ends(values: Array) -> Array:
-    """Pad values `(T, n)` at both ends with their first and last."""
+    """Pad values `(T, n)` at both ends by repeating the first and the last."""
     return np.concatenate([np.repeat(values[:1], PAD, 0), values, np.repeat(values[-1:], PAD, 0)])
 
 
 def root_motion(positions: Array) -> tuple[Array, Array]:
-    """Root path `(T, 2)` and unwrapped yaw `(T,)` of world joints `(T, 31, 3)`."""
+    """Return root path `(T, 2)` and unwrapped yaw `(T,)` of world joints `(T, 31, 3)`."""
     yaw = np.unwrap(features.facing_yaw(positions))
     return positions[:, 0][:, [0, 2]], smooth(yaw[:, None], FACING_SIGMA_FRAMES)[:, 0]
 
 
 @dataclass(frozen=True)
 class RootPath:
-    """The path of a motion's root: every frame's place `(T, 2)`, yaw `(T,)`, and the same with padded ends."""
+    """Root path of a motion: position `(T, 2)` and yaw `(T,)` of every frame, and the same with padded ends."""
 
     root: Array
     yaw: Array
@@ -95,12 +95,12 @@ class RootPath:
 
     @property
     def directions(self) -> Array:
-        """Facing, padded, `(T + 2 PAD, 2)`."""
+        """Padded facing directions `(T + 2 PAD, 2)`."""
         return np.stack([np.sin(self.padded_yaw), np.cos(self.padded_yaw)], -1)
 
     @property
     def now(self) -> NDArray[np.intp]:
-        """Each frame's row in the padded arrays."""
+        """Row of each frame in the padded arrays."""
         return np.arange(len(self.root)) + PAD
 
     @property
@@ -110,7 +110,7 @@ class RootPath:
 
     @property
     def velocity(self) -> Array:
-        """Way and turn of the root to the next frame `(T, 3)`, as the root sees it: m/s in x and z, rad/s."""
+        """Root velocity to the next frame `(T, 3)` in root space: m/s in x and z, rad/s."""
         following = self.now + 1
         displacement = features.to_root(self.padded_root[following] - self.root, self.yaw)
         turn = self.padded_yaw[following] - self.yaw
@@ -148,7 +148,7 @@ def clip_frames(path: Path) -> ClipFrames:
 
 
 def _heights(patches: Patches, path: RootPath) -> tuple[Array, Array]:
-    """Of every patch of ground under a clip: heights `(T, K, 36)` relative to the window's mean ground `(T, K)`."""
+    """Return heights `(T, K, 36)` of every ground patch relative to the window's mean ground `(T, K)`, and the latter."""
     places, ways = path.padded_root[path.window], path.directions[path.window]
     heights, ground = [], []
     for k in range(min(len(patches.heights), MAX_PATCHES)):
@@ -159,7 +159,7 @@ def _heights(patches: Patches, path: RootPath) -> tuple[Array, Array]:
 
 
 def _joints(positions: Array, path: RootPath) -> tuple[Array, Array]:
-    """Joints and their velocities (m/s), both `(T, 31, 3)` as the root sees them."""
+    """Return joint positions and velocities (m/s), both `(T, 31, 3)` in root space."""
     length = len(positions)
     joints = features.relative_joints(positions, path.root, np.zeros(length), path.yaw)
     velocity = np.gradient(positions, axis=0) if length < 3 else np.diff(positions, axis=0, prepend=0)
@@ -168,7 +168,7 @@ def _joints(positions: Array, path: RootPath) -> tuple[Array, Array]:
 
 
 def _inputs(path: RootPath, gait: Array, joints: Array, velocity: Array) -> Array:
-    """x without heights and phase `(T, 342)`; joints and velocities are those of the frame before."""
+    """Return x without heights and phase `(T, 342)`; its joints and velocities are the previous frame's."""
     length, window = len(path.root), path.window
     parts = InputParts(
         root_position=path.root,
@@ -185,7 +185,7 @@ def _inputs(path: RootPath, gait: Array, joints: Array, velocity: Array) -> Arra
 
 
 def _outputs(path: RootPath, joints: Array, velocity: Array, contacts: Array, world: Array) -> Array:
-    """y without phase `(T, 473)`; `world` are the joints' rotations."""
+    """Return y without phase `(T, 473)`; `world` are joint rotations."""
     now = path.now
     following = now[:, None] + 1 + features.FUTURE_OFFSETS
     next_root, next_yaw = path.padded_root[now + 1], path.padded_yaw[now + 1]
@@ -205,7 +205,7 @@ def _outputs(path: RootPath, joints: Array, velocity: Array, contacts: Array, wo
 
 
 def _upper(world: Array, yaw: Array) -> Array:
-    """6D `(T, 20, 6)` of the upper body's world rotations: arms and head against the chest, the torso against the facing."""
+    """Return 6D rotations `(T, 20, 6)` of the upper body: arms and head relative to the chest, torso to the facing."""
     upper = world[:, FIRST_OF_UPPER:]
     against = np.repeat(world[:, None, SPORT_SKELETON.index("Spine1")], upper.shape[1], axis=1)
     against[:, [j - FIRST_OF_UPPER for j in PART_JOINTS["torso"] if j]] = rotations.from_yaw(yaw)[:, None]
@@ -214,7 +214,7 @@ def _upper(world: Array, yaw: Array) -> Array:
 
 @dataclass
 class FrameTable:
-    """All clips one after the other. `clip` `(N,)` is each frame's clip, `start` `(clips + 1,)` their bounds."""
+    """Frames of all clips, concatenated. `clip` `(N,)` is the clip of each frame, `start` `(clips + 1,)` the bounds."""
 
     x: Array  # (N, 342) float16
     y: Array  # (N, 473) float16
@@ -252,10 +252,10 @@ _ARRAYS = {
 
 
 def load_frames(clips: Path, folder: Path) -> FrameTable:
-    """The table of every `*.npz` under `clips`; FileError when there is none.
+    """Load the table of all `*.npz` under `clips`; FileError if there are none.
 
-    Its arrays are written into `folder` once, and mapped into memory from then on: the table is gigabytes, and a
-    resumed run, or another of the same clips, begins at once.
+    Its arrays, gigabytes, are written into `folder` once and memory-mapped afterwards, so that resumed runs, or others
+    with the same clips, start at once.
     """
     paths = sorted(clips.glob("*.npz"))
     if not paths:
@@ -276,7 +276,7 @@ def _files(paths: list[Path]) -> list[list[Any]]:
 
 
 def _stored_files(folder: Path) -> object:
-    """Names and sizes of the clips that a stored table was made of; None where there is none."""
+    """Return names and sizes of the clips of a stored table, or None."""
     try:
         return json.loads((folder / "table.json").read_text("utf-8"))["files"]
     except (OSError, ValueError, KeyError):
@@ -293,7 +293,7 @@ def _write_table(paths: list[Path], files: list[list[Any]], folder: Path) -> Non
         for part in pool.map(clip_frames, paths, chunksize=16):
             for name, output in outputs.items():
                 array = getattr(part, name)
-                if name in ("heights", "ground", "previous_ground"):  # fewer patches: the first is repeated
+                if name in ("heights", "ground", "previous_ground"):  # fewer patches: the last is repeated
                     array = array[:, np.minimum(np.arange(MAX_PATCHES), array.shape[1] - 1)]
                 output.write(np.ascontiguousarray(array, _ARRAYS[name][0]).tobytes())
             clips.append({"frames": len(part.x)} | {name: getattr(part, name) for name in _OF_CLIP})
@@ -307,7 +307,7 @@ def _mapped(folder: Path) -> FrameTable:
     clips = json.loads((folder / "table.json").read_text("utf-8"))["clips"]
     count = np.array([clip["frames"] for clip in clips])
     arrays = {
-        # "c": pages are read when they are needed, and nothing is written back
+        # "c": pages are read on demand and never written back
         name: np.memmap(folder / f"{name}.bin", dtype, "c", shape=(int(count.sum()), *shape))
         for name, (dtype, shape) in _ARRAYS.items()
     }

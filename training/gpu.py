@@ -1,6 +1,6 @@
-"""Steps that a GPU does without waiting: constants made once, rows that need not be counted, whole steps as CUDA graphs.
+"""Avoiding GPU synchronisation: cached constants, row selection without counting, and CUDA graphs of whole steps.
 
-On a CPU nothing is recorded, and rows that nothing is done to are left out.
+On a CPU no graph is recorded, and only the selected rows are computed.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import torch
 from torch import Tensor, nn
 
 Losses = dict[str, Tensor]
-WARM_STEPS = 4  # of each variant before it is recorded: libraries and constants are ready by then
+WARM_STEPS = 4  # of each variant before recording, which initialise libraries and constants
 
 
 def constant(values: Iterable[float], device: torch.device, dtype: torch.dtype | None = None) -> Tensor:
-    """Numbers or an index on `device`, copied there once: a list or an array in its place is copied in every step."""
+    """Return a cached constant tensor on `device`; a list or array would be copied there in every step."""
     return _constant(tuple(values), device, dtype)
 
 
@@ -29,13 +29,13 @@ def _constant(values: tuple[float, ...], device: torch.device, dtype: torch.dtyp
 
 
 def rows_of(chosen: Tensor) -> Tensor | slice:
-    """Rows to compute where only the `chosen` `(B,)` count: these, or all of them on a GPU, which would have to count."""
+    """Return the `chosen` `(B,)` rows, or all rows on a GPU, where counting them would synchronise."""
     return slice(None) if chosen.is_cuda else chosen.nonzero()[:, 0]
 
 
 @contextmanager
 def own_stream(device: torch.device, recorded: bool) -> Iterator[None]:
-    """A stream for steps that will be `recorded`: what has run on the default stream cannot be."""
+    """Use a separate stream for steps to be `recorded`: work on the default stream cannot be captured."""
     if not recorded:
         yield
         return
@@ -48,7 +48,7 @@ def own_stream(device: torch.device, recorded: bool) -> Iterator[None]:
 
 @dataclass
 class _Recording:
-    """A step's graph, what it reads and what it leaves: all stay where they are in memory."""
+    """CUDA graph of a step with its inputs and outputs, at fixed memory addresses."""
 
     graph: torch.cuda.CUDAGraph
     item: Tensor
@@ -57,10 +57,10 @@ class _Recording:
 
 
 class GradientStep:
-    """Losses of a batch, and their gradients in the parameters of `module`.
+    """Computes the losses of a batch and their gradients for the parameters of `module`.
 
-    `losses` must read and write the same memory in every step of a variant, and draw its random numbers on the device. Of
-    two variants that differ in more than their first entry only the later one is needed again.
+    `losses` must read and write the same memory in every step of a variant, and draw random numbers on the device. When
+    a variant differs from an earlier one in more than its first entry, the earlier one does not occur again.
     """
 
     def __init__(self, module: nn.Module, losses: Callable[[Tensor], Losses], recorded: bool) -> None:
@@ -69,7 +69,7 @@ class GradientStep:
         self._recordings: dict[tuple, _Recording] = {}
 
     def __call__(self, item: Tensor, variant: tuple) -> Losses:
-        """Of `item`; the terms are overwritten in the next step of this variant."""
+        """Return the losses of `item`; the next step of this variant overwrites them."""
         recording = self._recordings.get(variant)
         if recording is None:
             self._done[variant] += 1
@@ -92,7 +92,7 @@ class GradientStep:
     def _record(self, item: Tensor, variant: tuple) -> _Recording:
         self._recordings = {k: r for k, r in self._recordings.items() if k[1:] == variant[1:]}
         graph, item = torch.cuda.CUDAGraph(), item.clone()
-        # other threads, such as those of NCCL, may go on meanwhile
+        # allows other threads, such as NCCL's, to run meanwhile
         with torch.cuda.graph(graph, stream=torch.cuda.current_stream(), capture_error_mode="thread_local"):
             terms = self._computed(item)
         recording = _Recording(graph, item, terms, [p.grad for p in self._parameters])

@@ -1,4 +1,4 @@
-"""The pose that a walk shows: joint positions by forward kinematics of the rotations in y, in torch."""
+"""Forward kinematics in torch: joint positions, knee flexion and body angles from the rotations in y."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _PARENTS = [max(parent, 0) for parent in SPORT_SKELETON.parents]
 
 
 def shown_joints(y: Tensor) -> Tensor:
-    """Joint positions `(B, 31, 3)` in metres of real-valued y `(B, 473)`, seen from its root.
+    """Return root-relative joint positions `(B, 31, 3)` in metres of y `(B, 473)` in physical units.
 
-    The hips stand where y's positions have them; the other joints follow from the rotations on the fixed skeleton, as
-    in `Controller._pose`.
+    The hips are at y's position; the other joints follow from the rotations on the fixed skeleton, as in
+    `Controller._pose`.
     """
     chains, offsets = bone_chains(y.device)
     turned = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6)))
@@ -33,13 +33,13 @@ KNEES = [SPORT_SKELETON.index(name) for name in ("LeftLeg", "RightLeg")]
 
 
 def knee_flexion(y: Tensor) -> Tensor:
-    """Angles `(B, 2)` in radians by which the shins are bent backwards from the thighs in real-valued y `(B, 473)`."""
+    """Return knee flexion `(B, 2)` in radians of y `(B, 473)` in physical units."""
     turned = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6)))
     knees = constant(KNEES, y.device)
     thighs = constant([_PARENTS[knee] for knee in KNEES], y.device)
     _, offsets = bone_chains(y.device)
     shins = (turned[:, knees] @ offsets[knees + 1].to(y)[:, :, None])[..., 0]
-    seen = (turned[:, thighs].transpose(-1, -2) @ shins[..., None])[..., 0]  # from the thigh
+    seen = (turned[:, thighs].transpose(-1, -2) @ shins[..., None])[..., 0]  # in the frame of the thigh
     return torch.atan2(-seen[..., 2], -seen[..., 1])
 
 
@@ -56,7 +56,7 @@ TURNS = len(TURNED)
 
 
 def turns(y: Tensor, joints: Tensor) -> Tensor:
-    """Turns in radians `(B, 9)` against the root of real-valued y `(B, 473)` and its joints `(B, 31, 3)`.
+    """Return root-relative angles in radians `(B, 9)` of y `(B, 473)` in physical units and its joints `(B, 31, 3)`.
 
     Yaw and roll of the lines across hips and shoulders; yaw, pitch and roll of the head; yaw of the feet: `TURNED`.
     """
@@ -76,14 +76,14 @@ def turns(y: Tensor, joints: Tensor) -> Tensor:
 
 
 def turned_back(vectors: Tensor, turn: Tensor) -> Tensor:
-    """Vectors `(B, n, 3)` seen from a root that has turned by `turn` `(B,)` meanwhile."""
+    """Return vectors `(B, n, 3)` in the frame of a root that has since turned by `turn` `(B,)`."""
     c, s = turn.cos()[:, None], turn.sin()[:, None]
     x, y, z = vectors.unbind(-1)
     return torch.stack([c * x - s * z, y, s * x + c * z], dim=-1)
 
 
 def matrices(d: Tensor) -> Tensor:
-    """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt, as `rotations.from_6d`."""
+    """Return rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt, as `rotations.from_6d`."""
     x = normalize(d[..., :3], dim=-1)
     second = d[..., 3:]
     y = normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1)
@@ -92,7 +92,7 @@ def matrices(d: Tensor) -> Tensor:
 
 @lru_cache(2)
 def bone_chains(device: torch.device) -> tuple[Tensor, Tensor]:
-    """The bones `(31, 31)` that lead from the hips to each joint, and their offsets `(31, 3)`; the hips' own is zero."""
+    """Return the mask `(31, 31)` of bones between hips and each joint, and bone offsets `(31, 3)`; the hips' is zero."""
     chains = torch.zeros(J, J)
     for joint, parent in enumerate(SPORT_SKELETON.parents):
         if parent >= 0:

@@ -8,13 +8,13 @@ from torch.nn.functional import mse_loss, smooth_l1_loss
 
 from training.networks.content import Gaussian
 
-CONTACT_SPEED = 0.02  # Eq. 13: threshold on the squared foot velocity
+CONTACT_SPEED = 0.02  # Eq. 13: threshold of the squared foot velocity
 
 
 def contrastive(motion: Tensor, text: Tensor, same: Tensor, temperature: float = 0.1) -> Tensor:
     """InfoNCE in both directions, Eq. 2; `motion`, `text` `(B, n)` are VAE parameters mu + Sigma.
 
-    `same` `(B, B)` marks pairs with the same description: they are no negatives of each other.
+    `same` `(B, B)` marks pairs with the same description, which are not negatives of each other.
     """
     m = torch.nn.functional.normalize(motion, dim=-1)
     t = torch.nn.functional.normalize(text, dim=-1)
@@ -43,12 +43,12 @@ def stage1(
 
 
 def statistics(target: list[Tensor], read: list[Tensor]) -> Tensor:
-    """Smooth L1 of pose statistics, every part counting alike."""
+    """Smooth L1 of pose statistics, with equal weight for every part."""
     return torch.stack([smooth_l1_loss(r, t) for r, t in zip(read, target, strict=True)]).mean()
 
 
 def divergence(a: Gaussian, b: Gaussian | None) -> Tensor:
-    """KL(a, b) of diagonal normals, mean over the batch; b None is the standard normal."""
+    """KL(a, b) of diagonal normal distributions, mean over the batch; None is the standard normal."""
     mean = torch.zeros_like(a.mean) if b is None else b.mean
     log_variance = torch.zeros_like(a.mean) if b is None else b.log_variance
     term = (
@@ -86,21 +86,21 @@ def motion(target: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
 
 
 def unrest(moved: Tensor, velocity: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
-    """Difference of a rollout's steps from frame to frame to its own velocity: mean square in units of `scale`.
+    """Mean square difference, in units of `scale`, between a rollout's frame-to-frame motion and its predicted velocity.
 
-    `moved` and `velocity` `(B, n)` are m/s. Positions that tremble around their path are punished by nothing else: a
-    millimetre is little to Eq. 11, and 6 cm/s to the eye. The rollout is held to itself and not to its clip, with
-    which it need not be in step: that would teach it to swing less.
+    `moved` and `velocity` `(B, n)` are m/s. No other loss penalises jitter: a millimetre is little in Eq. 11, but visible
+    as 6 cm/s. The rollout is compared with itself, not with its clip: the two may be out of phase, and comparing them
+    would reduce its swing.
     """
     return (kept * ((moved - velocity) / scale).square()).mean()
 
 
 def swing(own: Tensor, captured: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
-    """Squared logarithm of the energy of a batch's movements `(B, n)` over the capture's, the mean over the entries.
+    """Squared log ratio of the energies of movements `(B, n)` in rollouts and in capture, mean over the entries.
 
-    Eq. 11 alone lets every uncertain movement shrink towards its mean, and a rollout shrinks it in every frame anew.
-    The energies of many rollouts are compared, not frames: they need not be in step. `scale` `(n,)` is metres. Entries
-    that the capture moves by less than 3 % of it say nothing, such as the hips' place over the root.
+    Eq. 11 alone damps uncertain motion towards its mean, and in a rollout the damping accumulates. Energies of a batch
+    are compared, not frames, because rollouts may be out of phase. `scale` `(n,)` is metres. Entries that move by less
+    than 3 % of it in the capture are ignored, such as the hips' horizontal position.
     """
     least = MIN_MOVEMENT * kept.sum(0)
     wanted = (kept * (captured / scale).square()).sum(0)
@@ -111,11 +111,11 @@ def swing(own: Tensor, captured: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
 
 
 def own_swing(own: Tensor, energies: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
-    """Make rollouts swing farther in the movements `(B, n)` in which they moved less than their own clips of late, or less far.
+    """Increase movements `(B, n)` of a rollout that were recently smaller than its clip's, and decrease larger ones.
 
-    `swing` compares the sums of a batch, in which a style that swings too little makes up for one that swings too much.
-    `energies` `(2, B, n)` are running means of squares, the rollout's and its clip's; their logarithm is the weight, and
-    what it weighs is the rollout's present energy over its running mean.
+    `swing` compares sums over a batch, where a style that swings too little compensates for one that swings too much.
+    `energies` `(2, B, n)` are running means of squares of rollout and clip. The log of their ratio weights the rollout's
+    present energy, relative to its running mean.
     """
     mine, wanted = energies / scale.square() + MIN_MOVEMENT
     weight = (mine / wanted).log().clamp(-MAX_WIDENING, MAX_NARROWING)
@@ -123,10 +123,10 @@ def own_swing(own: Tensor, energies: Tensor, scale: Tensor, kept: Tensor) -> Ten
 
 
 def offset(away: Tensor, offsets: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
-    """Draw movements that are `away` `(B, n)` from their clips' back where they were off on average of late.
+    """Penalise a recent mean offset of movements from their clip's; `away` `(B, n)` is the present difference.
 
-    A rollout that is out of step with its clip is wrong in every frame, most of it in ways that average out. `offsets`
-    `(B, n)` are the running means, and their product with the present error is on average their square.
+    A rollout that is out of phase with its clip differs in every frame, but most of this averages out. `offsets` `(B, n)`
+    are running means of the difference; their product with the present difference is on average their square.
     """
     return (kept * (offsets / scale) * (away / scale)).sum() / kept.sum().clamp_min(1.0)
 
@@ -134,25 +134,25 @@ def offset(away: Tensor, offsets: Tensor, scale: Tensor, kept: Tensor) -> Tensor
 def distribution(own: Tensor, captured: Tensor, scale: float) -> Tensor:
     """Squared Wasserstein distance of the values in each column of two batches `(B, n)`, in units of `scale`.
 
-    Sorted values are compared, not frames: a rollout that is out of step with its clip would be taught their mean, and
-    a knee that is bent on average is never straight.
+    Sorted values are compared, not frames: a rollout out of phase with its clip would otherwise learn the mean, and a
+    knee that is always bent by the mean never straightens.
     """
     if not len(own):
         return own.sum()
     return ((own.sort(0).values - captured.sort(0).values) / scale).square().mean()
 
 
-BEND_UNIT_RAD = 0.2  # radians: unit of errors of a knee
-# of the weight in `own_swing`: a rollout that is drawn wider too strongly runs away
+BEND_UNIT_RAD = 0.2  # unit of knee errors
+# limits of the weight in `own_swing`: amplifying a rollout too strongly makes it diverge
 MAX_WIDENING, MAX_NARROWING = 0.4, 1.5
-MIN_MOVEMENT = 1e-3  # mean square of a movement over its scale
+MIN_MOVEMENT = 1e-3  # mean square of a movement relative to its scale
 
 
 def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:
-    """Eq. 12, 13 with a differentiable step.
+    """Eq. 12 and 13 with a differentiable step.
 
-    delta is 1 at or under the threshold and 0 above, so its gradient vanishes everywhere; a steep sigmoid of the
-    same threshold stands in for it, so that the term can train.
+    delta is 1 up to the threshold and 0 above, so its gradient is zero everywhere; a steep sigmoid at the same threshold
+    replaces it.
     """
     soft = torch.sigmoid((CONTACT_SPEED - squared_foot_velocity) / (0.5 * CONTACT_SPEED))
     return mse_loss(soft, labels)

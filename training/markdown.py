@@ -1,4 +1,4 @@
-"""Markdown: tables, and generated sections of a document; what lies outside a section's two marker lines is left alone."""
+"""Markdown tables, and generated sections of a document, between two marker lines; the rest is not changed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from runtime.errors import FileError
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Lines of a table, an empty one after it."""
+    """Return the lines of a table and an empty line."""
     return [
         "| " + " | ".join(head) + " |",
         "|" + " --- |" * len(head),
@@ -22,33 +22,33 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 def columns(of: Mapping[str, Callable[[Any], str]], rows: Iterable[Any]) -> list[str]:
-    """Lines of a table whose columns, by title, say what each shows of a row."""
+    """Return the lines of a table; `of` maps the title of each column to the function that gives its cells."""
     return table(list(of), [[cell(row) for cell in of.values()] for row in rows])
 
 
 def number(value: float | None, digits: int = 1) -> str:
-    """A figure, or a dash where there is none."""
+    """Format a figure; a dash if there is none."""
     return "–" if value is None or isnan(value) else f"{value:.{digits}f}"
 
 
 def percent(value: float | None) -> str:
-    """A share in percent, or a dash where there is none."""
+    """Format a fraction as a percentage; a dash if there is none."""
     return "–" if value is None or isnan(value) else f"{100.0 * value:.0f} %"
 
 
 def check_section(path: Path, section: str) -> None:
-    """FileError when `path` has no markers of a section, for use before the figures are measured."""
+    """Raise FileError if `path` lacks the markers of a section; call it before measuring."""
     _around(path, section)
 
 
 def write_section(path: Path, section: str, text: str) -> None:
-    """Put `text` between the markers of a section; FileError when `path` does not have both."""
+    """Write `text` between the markers of a section; FileError if `path` lacks one."""
     before, after = _around(path, section)
     write_atomic(path, before + "\n" + text.strip("\n") + "\n" + after)
 
 
 def _around(path: Path, section: str) -> tuple[str, str]:
-    """A document up to and from a section's text, markers included."""
+    """Return the document before and after a section's text, with the markers."""
     begin, end = (f"<!-- {section}: {word} -->" for word in ("begin", "end"))
     try:
         old = path.read_text(encoding="utf-8")

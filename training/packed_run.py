@@ -1,11 +1,11 @@
-"""A run's weights and what they have been through, as one small file, to fine-tune a model or to train it elsewhere.
+"""A run's weights and training history as one small file, to fine-tune a model or to train it elsewhere.
 
 python -m training.packed_run pack RUN FILE --model RUN/model     phases, content encoder, scales and generator, in half precision
 python -m training.packed_run unpack FILE RUN --model FOLDER      into an empty run; `sport train stage2` then starts from them
 
-FILE does not hold what the graphs of the exported model hold: that is read from the folder of the model (--model). The
-exporter writes matrices as they are or with their axes in another order, and in half precision, as runs are packed:
-most of a model is in its graphs bit for bit.
+FILE omits weights that the graphs of the exported model contain; these are read from the model's folder (--model). The
+exporter writes matrices unchanged or with permuted axes, in half precision like packed runs, so most weights are in the
+graphs bit for bit.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError, run_command
 from training.session import load_checkpoint, save_checkpoint
 
-START = "start.pt"  # weights that stage 2 begins with in place of random ones
-BEFORE = "before.json"  # in a run that began with packed weights: what these had been through
+START = "start.pt"  # initial weights of stage 2, in place of random ones
+BEFORE = "before.json"  # training history of the packed weights that a run started from
 GRAPHS = ("step", "style", "prompt", "motion")
-SMALLEST = 1000  # numbers; smaller tensors stay in the file
+MIN_ELEMENTS = 1000  # smaller tensors are stored in the file
 _FILES = {
     "phase": "phase_final.pt",
     "content": "content_final.pt",
@@ -48,14 +48,14 @@ Half = NDArray[np.float16]
 
 @dataclass
 class History:
-    """Steps of each stage, one number for every model that went on from the one before; last logged losses."""
+    """Steps of each stage, one number for each model in a chain of fine-tunings, and last logged losses."""
 
     steps: dict[str, list[int]] = field(default_factory=dict)
     losses: dict[str, str] = field(default_factory=dict)
 
     @staticmethod
     def of_run(folder: Path) -> History:
-        """Read `before.json`, where there is one, and the run's own logs; FileError when either is damaged."""
+        """Read `before.json`, if it exists, and the run's own logs; FileError if either is damaged."""
         history = History()
         if (folder / BEFORE).exists():
             try:
@@ -76,7 +76,7 @@ class History:
 
     @staticmethod
     def from_mapping(stored: dict[str, Any], path: Path) -> History:
-        """Make a history of its fields as plain values; FileError names `path` when they are something else."""
+        """Create a history from its fields as plain values; FileError names `path` if they are invalid."""
         try:
             steps = {str(stage): [int(n) for n in counts] for stage, counts in stored["steps"].items()}
             return History(steps, {str(stage): str(line) for stage, line in stored["losses"].items()})
@@ -84,7 +84,7 @@ class History:
             raise FileError(f"{path}: not the history of a run.", "Pack the run again.") from error
 
     def write(self, folder: Path) -> None:
-        """Note it in `folder` as what the weights of a new run had been through."""
+        """Write it to `folder` as the history of a new run's initial weights."""
         write_atomic(folder / BEFORE, json.dumps(asdict(self), indent=1) + "\n")
 
 
@@ -97,9 +97,10 @@ def _cast(value: Any, wanted: torch.dtype) -> Any:
 
 
 def pack(run: Path, file: Path, model: Path | None = None) -> None:
-    """Write the weights of a finished run, and what they have been through, to `file`; FileError names what it lacks.
+    """Write the weights of a finished run and their history to `file`; FileError names missing files.
 
-    What the graphs in the folder `model` hold is left out; without a folder nothing is. Scales stay in single precision: they normalise values of very different size.
+    Weights in the graphs of the folder `model` are omitted, if it is given. Scales keep single precision, because they
+    span very different magnitudes.
     """
     packed: dict[str, Any] = {}
     for key, name in _FILES.items():
@@ -111,17 +112,17 @@ def pack(run: Path, file: Path, model: Path | None = None) -> None:
 
 
 def unpack(file: Path, run: Path, model: Path | None = None) -> None:
-    """Write what stages after it need into `run`; UsageError when it holds a run already.
+    """Write the inputs of later stages into `run`; UsageError if it already contains a run.
 
-    `model` is the folder of the run's own model, by default the shipped one; it is read where the file leaves out what
-    its graphs hold.
+    `model` is the folder of the run's own model, by default the shipped one; weights that the file omits are read from
+    its graphs.
     """
     packed = put_back(load_checkpoint(file), model or model_folder())
     missing = [key for key in _FILES if key not in packed]
     if missing:
-        raise FileError(f"{file}: lacks {', '.join(missing)}.", "Pack a finished run.")
+        raise FileError(f"{file}: {', '.join(missing)} missing.", "Pack a finished run.")
     if any((run / name).exists() for name in (*_FILES.values(), START, "stage2.pt")):
-        raise UsageError(f"{run}: holds a run already.", "Choose an empty folder.")
+        raise UsageError(f"{run}: already contains a run.", "Choose an empty folder.")
     run.mkdir(parents=True, exist_ok=True)
     for key, name in _FILES.items():
         target = START if key == "generator" else name
@@ -132,7 +133,7 @@ def unpack(file: Path, run: Path, model: Path | None = None) -> None:
 
 @dataclass(frozen=True)
 class WeightLocation:
-    """The place of a tensor of `shape`: in `weight` of `graph`, its axes in the order `axes`."""
+    """Where a tensor of `shape` is stored: in `weight` of `graph`, with its axes in the order `axes`."""
 
     graph: str
     weight: str
@@ -141,7 +142,7 @@ class WeightLocation:
 
 
 def leave_out(packed: dict[str, Any], model: Path) -> dict[str, Any]:
-    """`packed` with references in place of tensors in half precision that the graphs in the folder `model` hold."""
+    """Return `packed` with half-precision tensors that are in the graphs of the folder `model` replaced by references."""
     by_size: dict[int, list[tuple[str, str, Half]]] = defaultdict(list)
     for graph in GRAPHS:
         for name, values in _weights(model, graph).items():
@@ -150,7 +151,7 @@ def leave_out(packed: dict[str, Any], model: Path) -> dict[str, Any]:
     def replaced(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: replaced(one) for key, one in value.items()}
-        if isinstance(value, Tensor) and value.dtype == torch.float16 and value.numel() >= SMALLEST:
+        if isinstance(value, Tensor) and value.dtype == torch.float16 and value.numel() >= MIN_ELEMENTS:
             found = _find(value.numpy(), by_size[value.numel()])
             return value if found is None else {_REFERENCE: asdict(found)}
         return value
@@ -159,12 +160,12 @@ def leave_out(packed: dict[str, Any], model: Path) -> dict[str, Any]:
 
 
 def put_back(packed: dict[str, Any], model: Path) -> dict[str, Any]:
-    """Restore what `leave_out` was given; FileError when the graphs in `model` are others."""
+    """Undo `leave_out`; FileError if `model` has different graphs."""
     for graph, digest in packed.get("graphs", {}).items():
         if _digest(model, graph) != digest:
             raise FileError(
-                f"{model / graph}.onnx: not the graph that the run was packed with.",
-                "Name the folder of the run's own model with --model.",
+                f"{model / graph}.onnx: not the graph with which the run was packed.",
+                "Give the folder of the run's own model with --model.",
             )
     weights = {graph: _weights(model, graph) for graph in packed.get("graphs", {})}
 
@@ -189,7 +190,7 @@ def _find(values: Half, candidates: list[tuple[str, str, Half]]) -> WeightLocati
 
 
 def _weights(model: Path, graph: str) -> dict[str, Half]:
-    """The numbers of a graph by name, in half precision; none where the model has no such graph."""
+    """Return the half-precision weights of a graph by name; empty if the model has no such graph."""
     import onnx
 
     path = model / f"{graph}.onnx"
@@ -206,8 +207,8 @@ def _digest(model: Path, graph: str) -> str:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description="Pack a run's weights, or begin a run with packed ones.")
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description="Pack a run's weights, or start a run from packed ones.")
     parser.add_argument("action", choices=("pack", "unpack"))
     parser.add_argument("source", type=Path)
     parser.add_argument("target", type=Path)

@@ -1,9 +1,9 @@
-"""Training in several processes, one for each GPU or for each core: `sport train --processes`, or torchrun on machines of several GPUs.
+"""Training in several processes, one per GPU or core: `sport train --processes`, or torchrun with several GPUs.
 
     torchrun --nproc-per-node 4 -m sport train stage2 --preset paper-rotations --clips DIR --out RUN --batch 2048
 
-Every process draws its part of a batch; their gradients are averaged, so that all keep the same weights. The first one
-writes the checkpoints and the log.
+Every process draws its part of a batch, and gradients are averaged, so that all keep the same weights. The first
+process writes checkpoints and log.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from torch import nn
 from runtime.errors import UsageError
 
 Arguments = ParamSpec("Arguments")
-STAGES = ("stage2", "stage3", "ground")  # the others are quick, or write files that all would write
+STAGES = ("stage2", "stage3", "ground")  # the others are quick, or every process would write the same files
 
 
 def rank() -> int:
-    """Number of this process, 0 where there is one only."""
+    """Return the number of this process, 0 if there is only one."""
     return int(os.environ.get("RANK", "0"))
 
 
 def workers() -> int:
-    """The number of processes that train together."""
+    """Return the number of processes that train together."""
     return int(os.environ.get("WORLD_SIZE", "1"))
 
 
 def join(stage: str) -> torch.device | None:
-    """Meet the other processes; the device of this one, None where there is one only. UsageError for other stages."""
+    """Join the other processes and return this one's device, None if there is only one; UsageError for other stages."""
     if workers() == 1:
         return None
     if stage not in STAGES:
@@ -54,9 +54,9 @@ def join(stage: str) -> torch.device | None:
 def run_together(
     count: int, work: Callable[Arguments, object], *args: Arguments.args, **options: Arguments.kwargs
 ) -> None:
-    """Call `work(*args, **options)` in `count` processes of this machine, which divide its cores and meet in `join`.
+    """Call `work(*args, **options)` in `count` processes of this machine, which share its cores and meet in `join`.
 
-    Raises what a process raises, with its traceback.
+    An exception of a process is raised here, with its traceback.
     """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -71,16 +71,16 @@ def _process(
     os.environ |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
     torch.set_num_threads(max(1, (os.cpu_count() or 1) // count))
     work(*args, **options)
-    wait()  # the first process serves the others: it must not go before they are done
+    wait()  # the first process hosts the rendezvous: it must not exit before the others
     if distributed.is_initialized():
         distributed.destroy_process_group()
     logging.shutdown()
-    os._exit(0)  # gloo's threads now and then abort the process while the interpreter is taken down
+    os._exit(0)  # gloo's threads sometimes abort the process during interpreter shutdown
 
 
 @torch.no_grad()
 def same_weights(module: nn.Module) -> None:
-    """Give every process the weights and buffers of the first."""
+    """Broadcast the weights and buffers of the first process."""
     if workers() > 1:
         for value in module.state_dict().values():
             distributed.broadcast(value, 0)
@@ -100,13 +100,13 @@ def average_gradients(parameters: Iterable[nn.Parameter]) -> None:
 
 
 def wait() -> None:
-    """Until every process is here, such as for a file that the first one writes."""
+    """Wait for all processes, for example for a file that the first one writes."""
     if workers() > 1:
         distributed.barrier()
 
 
 def of_first(number: float) -> float:
-    """The number of the first process, for all."""
+    """Broadcast a number of the first process."""
     if workers() == 1:
         return number
     known = torch.tensor([number], device="cuda" if torch.cuda.is_available() else "cpu", dtype=torch.float64)

@@ -2,7 +2,7 @@
 
 | stage | does | writes into --out |
 | --- | --- | --- |
-| import, layer | retargets the archives' clips; edits copies of them; describes them | clips/ |
+| import, layer | retargets the archives' clips; edits copies; writes descriptions | clips/ |
 | phase | stage 0: the periodic autoencoder, then the phases of all frames | phase_final.pt, phase.npy |
 | content, words | stage 1: the content encoder; then its text network on longer sentences | content_final.pt |
 | stage2 | motion encoder, modulator and E_d | scales.pt, stage2_final.pt |
@@ -10,7 +10,7 @@
 | ground | with --course-minutes: encoder, modulator and E_d on courses the model has crossed | courses/, ground_final.pt |
 | export | ONNX graphs, 8-bit weights, metadata, model card | model/ |
 
-Each stage reads what those before it wrote, and resumes from its own checkpoint (`NAME.pt`).
+Each stage reads the output of earlier ones, and resumes from its own checkpoint (`NAME.pt`).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from training.stages import words as stage_words
 log = logging.getLogger("sport.train")
 
 PHASE_BATCH, CONTENT_BATCH = 128, 64
-WRITING_FRACTION = 0.01  # of --minutes, for the last checkpoint
+WRITING_FRACTION = 0.01  # of --minutes, reserved for the last checkpoint
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -70,7 +70,7 @@ def main(argv: list[str] | None = None) -> int:
     wanted = _wanted(args)
     stages = [stage for stage in wanted if stage in TRAINING]
     if stages:
-        _refuse_table_one(preset(args.preset))  # now: an import takes hours
+        _refuse_table_one(preset(args.preset))  # before the import, which takes hours
     args.out.mkdir(parents=True, exist_ok=True)
     for stage in wanted:
         if stage in PREPARATION:
@@ -96,19 +96,19 @@ def _train(args: argparse.Namespace, stages: list[str]) -> None:
 
 
 def import_clips(args: argparse.Namespace) -> None:
-    """Stage import, once: the clips of the archives in --data, where --clips names no others."""
+    """Import the clips of the archives in --data, once, unless --clips is given."""
     from training.data.importer import import_all
 
     if args.clips is not None:
         return
     if args.data is None:
-        raise FileError("--data: missing.", "Name the folder that holds the motion data catalog.")
+        raise FileError("--data: missing.", "Give the folder of the motion data archives.")
     if not (args.out / "report.json").exists():  # written last
         import_all(args.data, args.out, free_only=args.preset == OPEN)
 
 
 def edit_and_describe(args: argparse.Namespace) -> None:
-    """Stage layer, once: clips with edits of parts, and captions measured on the captured ones."""
+    """Make clips with edited parts, and captions measured on captured ones, once (stage layer)."""
     from training.styles import CAPTIONS
     from training.text.clip_measures import write_clip_captions
 
@@ -120,13 +120,13 @@ def edit_and_describe(args: argparse.Namespace) -> None:
 
 
 def train_phase(run: Run) -> None:
-    """Stage 0, once."""
+    """Train stage 0, once."""
     if not run.final("phase").exists():
         stage_phase.run(run.session, run.config, run.table, run.weights, run.length("phase", PHASE_BATCH))
 
 
 def train_content(run: Run) -> None:
-    """Stage 1, once."""
+    """Train stage 1, once."""
     if not run.config.content_encoder or run.final("content").exists():
         return
     measured = None
@@ -137,7 +137,7 @@ def train_content(run: Run) -> None:
 
 
 def train_words(run: Run) -> None:
-    """Longer sentences, once for a content encoder."""
+    """Train the text network on longer sentences, once per content encoder."""
     content = run.content
     if content is None or not run.config.longer_sentences:
         return
@@ -161,12 +161,12 @@ def train_words(run: Run) -> None:
 
 
 def train_stage2(run: Run) -> None:
-    """Stage 2, resumed where it stopped."""
+    """Train or resume stage 2."""
     stage_motion.run_stage2(run.session, run.config, run.data, run.length("stage2"))
 
 
 def train_stage3(run: Run) -> None:
-    """Stage 3, resumed where it stopped."""
+    """Train or resume stage 3."""
     generator = stage_diffusion.run_stage3(
         run.session, run.data, run.generator("stage2"), run.length("stage3")
     )
@@ -174,7 +174,7 @@ def train_stage3(run: Run) -> None:
 
 
 def train_ground(run: Run) -> None:
-    """Courses crossed by the run's own model, and the generator trained on them; nothing without minutes of them."""
+    """Train the generator on courses that the run's own model crossed; does nothing without --course-minutes."""
     if not _learns_courses(run):
         return
     data, generator = course_data(run), run.generator("stage3")
@@ -189,8 +189,8 @@ def _learns_courses(run: Run) -> bool:
 
 
 def course_data(run: Run) -> stage_motion.MotionData:
-    """The courses that the stage ground trains on in addition to captured clips; of several processes the first makes them, once."""
-    normal = run.data.normal  # read by all, who wait for each other, before the first continues alone
+    """Return the courses of stage ground; of several processes the first makes them, once."""
+    normal = run.data.normal  # this synchronises the processes, before the first continues alone
     if parallel.rank():
         parallel.wait()
     folder = run.out / "courses"
@@ -213,16 +213,16 @@ def course_data(run: Run) -> stage_motion.MotionData:
 
 
 def export(run: Run) -> None:
-    """Graphs, metadata and card; of a model that is played also its 8-bit twin and what it shows of words and obstacles."""
+    """Write graphs, metadata and card; for a playable model also 8-bit weights and its measured response to words and obstacles."""
     mixture = run.args.decoder == "mixture"
     folder = run.out / ("model-mixture" if mixture else "model")
     stage = "stage2" if mixture else "ground" if run.final("ground").exists() else "stage3"
     write_model(trained(run, stage, run.args.decoder), run, folder)
-    # codes have mirror images where every sentence is read as of the left side
+    # codes can be mirrored only if every sentence is encoded as for the left side
     if run.content is not None and run.config.one_sided_words and run.is_played:
         signs = phase_signs(run.table, run.phase)
         if signs is None:
-            log.warning("%s: not calibrated, no clip has its mirror image", folder)
+            log.warning("%s: not calibrated, because no clip has a mirror image", folder)
         else:
             calibrate(folder, signs, None, run.args.text_encoder, run.args.processes)
         measure_traversals(folder)
@@ -231,14 +231,14 @@ def export(run: Run) -> None:
 
 
 def trained(run: Run, stage: str, decoder: str) -> Trained:
-    """Collect what is exported of the run as a stage left it."""
+    """Collect the inputs of the export after a stage."""
     generator = run.generator(stage)
     config, data, table, content = run.config, run.data, run.table, run.content
     sigma = np.zeros(config.inference_steps)
     if decoder == "diffusion":
         sigma = stage_diffusion.estimate_variance(run.session, data, generator)
     schedule = Schedule.linear(config.diffusion_steps)
-    # of Z^t: walking and jogging speed, then amplitude and rate of each phase channel at rest
+    # from Z^t: walking and jogging speed, then amplitude and rate of each phase channel at rest
     speeds = style_speeds(table, data.style, run.texts.of_pace()), rest_rhythm(table, run.phase, data.style)
     history = History.of_run(run.out)
     return Trained(
@@ -269,7 +269,7 @@ def trained(run: Run, stage: str, decoder: str) -> Trained:
 
 
 def write_model(model: Trained, run: Run, folder: Path) -> None:
-    """The model's folder, its weights in half precision."""
+    """Write the model's folder, with weights in half precision."""
     export_model(model, folder)
     if run.is_played:
         quantize_model(folder, text_encoder=run.args.text_encoder)
@@ -290,7 +290,7 @@ TRAINING: dict[str, Callable[[Run], None]] = {
 
 
 def _train_together(run: Run, stage: str) -> None:
-    """A stage in several processes; what all of them read is written first."""
+    """Train a stage in several processes; files that all of them read are written first."""
     _ = run.phase
     if stage == "ground" and _learns_courses(run):
         course_data(run)
@@ -303,11 +303,11 @@ def _train_one_of_several(args: argparse.Namespace, stage: str) -> None:
 
 
 def _refuse_table_one(config: ModelConfig) -> None:
-    """UsageError for a preset whose outputs are not those of this program's frames: it counts parameters only."""
+    """Raise UsageError for a preset whose output layout differs from the training frames: it serves parameter counts only."""
     if config.output_size != OUTPUT_SIZE:
         raise UsageError(
-            f"--preset {config.name}: has {config.output_size} outputs, the frames of this program have {OUTPUT_SIZE}; it"
-            " serves the parameter counts of Table I only.",
+            f"--preset {config.name}: has {config.output_size} outputs, but training frames have {OUTPUT_SIZE}; it"
+            " only serves the parameter counts of Table I.",
             "Train paper-rotations, which is the same with joint rotations.",
         )
 

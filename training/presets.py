@@ -13,12 +13,12 @@ from runtime.prompts.content import GROUPS
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """Layer sizes; the comments give the paper's value where a preset departs from it."""
+    """Layer sizes; comments give the paper's value where the default differs."""
 
     name: str = "compact"
-    experts: int = 8  # outer experts k, of the motion encoder, the modulator and the decoder
+    experts: int = 8  # outer experts k of motion encoder, modulator and decoder
     content_experts: int = 8  # inner experts j of the recursive modulator
-    hidden: int = 512  # hidden width of the motion experts (paper 2048 in our reading)
+    hidden: int = 512  # width of the motion experts (paper 2048 in our reading)
     embedding: int = 512  # size of W and E (paper 1024)
     front: tuple[int, int] = (256, 64)  # modulator front (paper 512, 128)
     gating_hidden: int = 64
@@ -37,34 +37,34 @@ class ModelConfig:
     content_heads: int = 4
     content_feedforward: int = 256  # paper 1024
     content_encoder: bool = True  # False: raw text embeddings as Z^t
-    part_contrast: bool = True  # False: stage 1 contrasts the whole body only
-    # stage 1 also reads each part's mean pose and its range off the codes (paper: no)
+    part_contrast: bool = True  # False: the contrastive loss of stage 1 uses the whole body only
+    # stage 1 also predicts each part's mean pose and range from the codes (paper: no)
     pose_statistics: bool = True
-    # stage 1 reads off the codes what a part does in a walk: steps, swings, ranges (paper: no)
+    # stage 1 also predicts measures of each part's motion from the codes: steps, swings, ranges (paper: no)
     measures: bool = True
-    text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32, of 512
-    text_size: int = 384  # numbers of a sentence embedding
-    direction_words: bool = True  # also numbers for words such as left and right (paper: the embedding alone)
-    # every sentence is read as of the left side, and mirrored back (paper: left and right are words like others)
+    text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32 with 512
+    text_size: int = 384  # size of a sentence embedding
+    direction_words: bool = True  # features for words such as left and right (paper: the embedding alone)
+    # every sentence is encoded as for the left side, then mirrored (paper: left and right are ordinary words)
     one_sided_words: bool = True
-    # Eq. 14 with the captured motion in place of E_d's own codes, and the denoiser's output added to these codes
-    # (paper: the codes alone, which the denoiser learns from nothing)
+    # the diffusion learns the residual of the captured motion to E_d's codes, to which it is added
+    # (paper: Eq. 14, the denoiser learns the codes themselves)
     residual_diffusion: bool = True
-    # what is diffused is split by the experts' weights; False: every expert's code is the whole of it (paper: no)
+    # True: the residual is split by expert weight; False: each expert's code has all of it (paper: no residual)
     residual_shares: bool = False
-    # arms, torso and head of other clips are put on the captured body while training (paper: no)
+    # training combines arms, torso and head of other clips with the captured body (paper: no)
     composition: bool = True
-    # after stage 1 the text network learns phrases in longer sentences, `training.stages.words` (paper: no)
+    # after stage 1 the text network learns longer sentences, `training.stages.words` (paper: no)
     longer_sentences: bool = True
 
     @property
     def sentence_size(self) -> int:
-        """Numbers that the content encoder reads of a sentence."""
+        """Input size of the content encoder per sentence."""
         return self.text_size + (len(GROUPS) if self.direction_words else 0) + self.one_sided_words
 
     @staticmethod
     def of(stored: Mapping[str, Any]) -> ModelConfig:
-        """The sizes in a model's metadata, which may hold fields of other versions."""
+        """Read the sizes in a model's metadata, which may contain fields of other versions."""
         known = {name: stored[name] for name in ModelConfig.__dataclass_fields__ if name in stored}
         return ModelConfig(**known | {"front": tuple(stored["front"])})
 
@@ -90,13 +90,13 @@ _PAPER = ModelConfig(
     composition=False,
     longer_sentences=False,
 )
-OPEN = "open"  # sizes of compact, trained on archives alone that allow commercial use
+OPEN = "open"  # sizes of compact, trained only on archives that allow commercial use
 PRESETS: dict[str, ModelConfig] = {
     "compact": _COMPACT,
     OPEN: replace(_COMPACT, name=OPEN),
     "paper": _PAPER,
     "paper-rotations": replace(_PAPER, name="paper-rotations", output_size=OUTPUT_SIZE),
-    "small": replace(  # a quarter of compact: what ablations are compared with where there is little time
+    "small": replace(  # a quarter of compact, for ablations with little training time
         _COMPACT,
         name="small",
         hidden=256,
@@ -121,8 +121,8 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "no-content-encoder": {"content_encoder": False, "direction_words": False, "one_sided_words": False},
     "6-content-layers": {"content_layers": 6},
     "no-direction-words": {"direction_words": False},
-    "distilled-diffusion": {"residual_diffusion": False},  # Eq. 14 as it stands in the paper
-    "expert-shares": {"residual_shares": True},  # eight targets of their own in place of one
+    "distilled-diffusion": {"residual_diffusion": False},  # Eq. 14 as in the paper
+    "expert-shares": {"residual_shares": True},  # each expert has its own target
     "whole-body-contrast": {"part_contrast": False},
     "two-sided-words": {"one_sided_words": False},
     "no-pose-statistics": {"pose_statistics": False},
@@ -133,7 +133,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
 
 
 def ablation(base: ModelConfig, name: str) -> ModelConfig:
-    """`base` changed as the ablation `name` says; UsageError lists the names."""
+    """Return `base` with the changes of the ablation `name`; UsageError lists the names."""
     if name not in ABLATIONS:
         raise UsageError(f"--ablation {name}: unknown.", f"Use one of {', '.join(ABLATIONS)}.")
     changed = replace(base, name=f"{base.name}-{name}", **ABLATIONS[name])
@@ -143,7 +143,7 @@ def ablation(base: ModelConfig, name: str) -> ModelConfig:
 
 
 def preset(name: str) -> ModelConfig:
-    """The preset called `name`; UsageError lists the names."""
+    """Return the preset `name`; UsageError lists the names."""
     if name not in PRESETS:
         raise UsageError(f"--preset {name}: unknown.", f"Use one of {', '.join(PRESETS)}.")
     return PRESETS[name]

@@ -1,8 +1,8 @@
-"""Lanes of autoregressive rollouts that go on from one training step to the next.
+"""Autoregressive rollouts ("lanes") that continue from one training step to the next.
 
-A network trained on captured frames alone drifts, or comes to rest, once it sees its own output. Here part of every
-batch are lanes: each holds a clip frame and the pose and phases that the network itself produced for the frame before.
-The forward pass that trains a lane also moves it on, so that rollouts of any length cost nothing extra.
+A network trained on captured frames alone drifts or freezes on its own output. So part of every batch are lanes: each
+has a clip frame, and the pose and phases that the network itself produced for the previous frame. The forward pass that
+trains a lane also advances it, so that rollouts of any length cost nothing extra.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from training.kinematics import TURNS, shown_joints, turned_back, turns
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
-# Fraction of lanes that begin in the pose of another clip. Capture holds no change of style: without these lanes the
-# network would stay in the pose it finds itself in, whatever the prompt says.
+# Fraction of lanes that start from another clip's pose. Captures contain no change of style: without these lanes the
+# network would keep its present pose regardless of the prompt.
 FOREIGN_POSE_FRACTION = 0.5
-ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
-MOVEMENTS = 93 + TURNS  # coordinates of the joints, then turns of trunk, head and feet
-PLANNED_FRAMES = 60  # that a part of another clip goes on at least
-RENEWED = 4  # steps from one to the next in which lanes may begin anew: they end so many frames before their clip does
-SWING_FRAMES = 15  # about a quarter of a gait cycle: over so many frames a swing is compared with the clip's
+ENERGY_FRAMES = 45  # averaging time, most of a gait cycle, for comparing a lane with its clip
+MOVEMENTS = 93 + TURNS  # joint coordinates, then angles of trunk, head and feet
+PLANNED_FRAMES = 60  # minimum remaining length of a part's clip
+RENEWED = 4  # lanes restart only every so many steps, so they end so many frames before their clip
+SWING_FRAMES = 15  # about a quarter of a gait cycle: time difference over which swings are measured
 
 
 class RolloutLanes:
-    """`lanes` rollouts; each ends by chance after `mean_frames` on average, or with its clip.
+    """A set of rollouts; each ends at random, after `mean_frames` on average, or with its clip.
 
-    Some carry parts of other clips all along, see `training.composition`. All that is remembered stays where it is in
-    memory (`training.gpu`).
+    Some have parts of other clips throughout, see `training.composition`. All state keeps its memory addresses
+    (`training.gpu`).
     """
 
     def __init__(
@@ -53,25 +53,25 @@ class RolloutLanes:
         self.frames = frames
         self.mean_frames = mean_frames
         self._fresh = fresh
-        self._often = often  # parts of other clips are put on a lane, see `Composer.draw`
+        self._often = often  # factor on the frequency of composed lanes, see `Composer.draw`
         device = frames.phase.device
         self.rows = torch.zeros(lanes, dtype=torch.long, device=device)
         self.patch = torch.zeros(lanes, dtype=torch.long, device=device)
         self.pose = {name: torch.zeros(lanes, 93, device=device) for name in _POSE}
         self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
-        self.age = torch.zeros(lanes, dtype=torch.long, device=device)  # frames since it began
-        # movements of the last frames, oldest first: the lanes' and the clips'
+        self.age = torch.zeros(lanes, dtype=torch.long, device=device)  # frames since its start
+        # movements of the last frames, oldest first, of lanes and clips
         self._history = torch.zeros(2, SWING_FRAMES, lanes, MOVEMENTS, device=device)
-        self._energy = torch.zeros(2, lanes, MOVEMENTS, device=device)  # of swings, the lanes' and the clips'
-        self._offset = torch.zeros(lanes, MOVEMENTS, device=device)  # mean of the lanes' less the clips'
+        self._energy = torch.zeros(2, lanes, MOVEMENTS, device=device)  # of swings, of lanes and clips
+        self._offset = torch.zeros(lanes, MOVEMENTS, device=device)  # mean difference of lanes from clips
         self.plan = CompositionPlan.nothing(lanes, device)
-        self._coming = torch.zeros(lanes, dtype=torch.long, device=device)  # where lanes begin anew
+        self._coming = torch.zeros(lanes, dtype=torch.long, device=device)  # frames at which lanes restart
         self._steps, self._renews = 0, True
         self.draw()
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
 
     def draw(self) -> bool:
-        """Before a step: whether lanes may begin anew in it, `RENEWED` steps after they last could, and where."""
+        """Prepare a step: return whether lanes may restart in it (every `RENEWED` steps), and draw the frames for it."""
         self._renews = self._steps % RENEWED == 0
         self._steps += 1
         if self._renews:
@@ -79,7 +79,7 @@ class RolloutLanes:
         return self._renews
 
     def _restart(self, ended: Tensor) -> None:
-        """Begin the lanes that have `ended` `(lanes,)` anew."""
+        """Restart the lanes that have `ended` `(lanes,)`."""
         at = rows_of(ended)
         began, rows = ended[at], self._coming[at]
         plan = self.frames.plan(rows, PLANNED_FRAMES, self._often)
@@ -103,7 +103,7 @@ class RolloutLanes:
         self._offset.masked_fill_(ended[:, None], 0.0)
 
     def inputs(self) -> Tensor:
-        """x `(lanes, 472)`: the captured trajectory, the lane's own pose and phases."""
+        """Return x `(lanes, 472)`: the captured trajectory with the lane's own pose and phases."""
         x = self.frames.inputs(self.rows, self.patch)
         for name in _POSE:
             x[:, INPUT[name]] = self.pose[name]
@@ -111,7 +111,7 @@ class RolloutLanes:
         return x
 
     def previous_joints(self) -> Tensor:
-        """The pose that each lane goes on from, `(lanes, 31, 3)` in metres, seen from the root of the coming frame."""
+        """Return the last pose of each lane, `(lanes, 31, 3)` in metres, relative to the root of the next frame."""
         before = (self.rows - 1).clamp_min(0)
         root = self.frames.y[before][:, OUTPUT["root"]].float() / FPS
         joints = self.pose["joint_positions"].unflatten(1, (-1, 3))
@@ -122,14 +122,14 @@ class RolloutLanes:
         return turned_back(joints + moved[:, None], root[:, 2])
 
     def swings(self, own: Tensor, captured: Tensor) -> tuple[Tensor, Tensor]:
-        """Changes of the `movements` of lanes and clips within `SWING_FRAMES`; without meaning for younger lanes."""
+        """Return changes of the `movements` of lanes and clips over `SWING_FRAMES`; undefined for younger lanes."""
         return own - self._history[0, 0], captured - self._history[1, 0]
 
     @torch.no_grad()
     def offsets(self, own: Tensor, captured: Tensor, since: int) -> Tensor:
-        """Running means over `ENERGY_FRAMES` of what `movements` gave, the lanes' less the clips', `(lanes, 102)`.
+        """Update and return running means over `ENERGY_FRAMES` of the lanes' `movements` minus the clips', `(lanes, 102)`.
 
-        They begin where a lane is `since` frames old, as `energies`; it is called in every frame.
+        They start when a lane is `since` frames old, as in `energies`. Call it in every frame.
         """
         away = (own - captured) * (self.age >= since)[:, None]
         self._offset += (away - self._offset) / ENERGY_FRAMES
@@ -137,9 +137,9 @@ class RolloutLanes:
 
     @torch.no_grad()
     def energies(self, own: Tensor, captured: Tensor, since: int) -> Tensor:
-        """Running means of squares over `ENERGY_FRAMES` of what `swings` gave, `(2, lanes, 102)`; it is called in every frame.
+        """Update and return running mean squares over `ENERGY_FRAMES` of `swings`, `(2, lanes, 102)`; call it in every frame.
 
-        They begin where a lane is `since` frames old: what goes before is its way to the pose of its words.
+        They start when a lane is `since` frames old: before, it moves to the pose that its words describe.
         """
         squares = torch.stack([own, captured]).square() * (self.age >= since)[:, None]
         self._energy += (squares - self._energy) / ENERGY_FRAMES
@@ -147,9 +147,9 @@ class RolloutLanes:
 
     @torch.no_grad()
     def advance(self, y: Tensor, target: Tensor) -> None:
-        """Move every lane on by one frame with the network's real-valued y `(lanes, 473)`; `target` is their clips'.
+        """Advance every lane by one frame with the network's y `(lanes, 473)` in physical units; `target` is the clips' y.
 
-        As in the runtime, what is fed back is the pose shown: forward kinematics of the rotations.
+        As in the runtime, the displayed pose is fed back: forward kinematics of the rotations.
         """
         shown = shown_joints(y)
         self.pose["joint_positions"].copy_(shown.flatten(1))
@@ -165,17 +165,17 @@ class RolloutLanes:
             self._restart(self._ended())
 
     def _ended(self) -> Tensor:
-        """By chance, soon with the clip or a part's clip, or because the pose is lost; `(lanes,)`."""
+        """Return which lanes end, `(lanes,)`: at random, near the end of a clip in use, or when the pose diverged."""
         ahead = (self.rows + RENEWED - 1).clamp_max(len(self.frames.last) - 1)
         ended = ahead >= self.frames.last[self.rows.clamp_max(len(self.frames.last) - 1)]
         if self.frames.composer is not None:
             ended |= ~self.frames.composer.lasts(ahead, self.plan)
         chance = torch.rand(len(ahead), device=ahead.device) < RENEWED / self.mean_frames
-        kept = self.pose["joint_positions"].abs().amax(1) <= 4.0  # not a number is lost too
+        kept = self.pose["joint_positions"].abs().amax(1) <= 4.0  # NaN counts as diverged
         return ended | chance | ~kept
 
     def state_dict(self) -> dict[str, object]:
-        """Everything that the next steps depend on."""
+        """Return all state that later steps depend on."""
         return {name: getattr(self, name) for name in _STATE} | {
             "steps": self._steps,
             "pose": self.pose,
@@ -184,7 +184,7 @@ class RolloutLanes:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from there."""
+        """Continue from a saved state."""
         device = self.rows.device
         self._steps = state["steps"]
         for name in _STATE:
@@ -199,12 +199,12 @@ _STATE = ("rows", "patch", "phase", "age", "_history", "_energy", "_offset")
 
 
 def movements(y: Tensor, joints: Tensor) -> Tensor:
-    """The quantities whose swings are measured, `(B, 102)`: coordinates of the joints `(B, 31, 3)`, metres, and `turns`, radians."""
+    """Return the quantities whose swings are measured, `(B, 102)`: coordinates of `joints` `(B, 31, 3)` in m, `turns` in rad."""
     return torch.cat([joints.flatten(1), turns(y, joints)], dim=1)
 
 
 def _dense(samples: Tensor) -> Tensor:
-    """Every frame `(B, 61, n)` of the seven samples `(B, 7, n)`, linear as in the runtime."""
+    """Interpolate seven samples `(B, 7, n)` linearly to every frame `(B, 61, n)`, as in the runtime."""
     step = features.SAMPLE_STEP
     frames = torch.arange((samples.shape[1] - 1) * step + 1, device=samples.device)
     low = (frames // step).clamp_max(samples.shape[1] - 2)
@@ -212,15 +212,15 @@ def _dense(samples: Tensor) -> Tensor:
     return (1 - t) * samples[:, low] + t * samples[:, low + 1]
 
 
-EXACT_PATH_FRACTION = 0.35  # fraction of rows whose path stays as captured
+EXACT_PATH_FRACTION = 0.35  # of rows that keep the captured path
 
 
 def steered(x: Tensor) -> Tensor:
-    """Real-valued x `(B, n)` whose paths and facing are drawn towards parabolas through the root, each row by chance.
+    """Return x `(B, n)` in physical units with path and facing of random rows smoothed towards parabolas through the root.
 
-    Captured paths sway with every step, and a network that reads its step off them loses it where the path is even: led by
-    a stick, hands and feet swung a fifth less at the same speed. The coming path of most rows is smooth altogether; of the
-    past, which the character walked itself, a random part is.
+    Captured paths sway with every step. A network that infers the step from this sway loses it on the smooth path of a
+    stick: hands and feet swung a fifth less at the same speed. The future path of most rows is smoothed completely, the
+    past, which the character walked itself, by a random amount.
     """
     count = len(x)
     free = (torch.rand(count, 1, device=x.device) >= EXACT_PATH_FRACTION).float()
@@ -240,7 +240,7 @@ def steered(x: Tensor) -> Tensor:
 
 @lru_cache(2)
 def _fits(device: torch.device) -> tuple[Tensor, Tensor]:
-    """Least-squares parabolas of the 12 samples as `(12, 12)`: of positions through the root, of directions free."""
+    """Return least-squares parabola fits to the 12 samples as `(12, 12)`: through the root for positions, free for directions."""
     time = np.asarray(TRAJECTORY_OFFSETS) / FPS
     powers = np.stack([time**k for k in range(3)], 1)
 

@@ -1,4 +1,4 @@
-"""One training run: its options, and what its stages have in common, each made or read when it is first needed."""
+"""One training run: its options, and data and networks shared by its stages, loaded on first use."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ log = logging.getLogger("sport.train")
 
 @dataclass
 class Run:
-    """A folder (`--out`) of checkpoints, with the clips, the networks and the data of its stages."""
+    """A folder of checkpoints (`--out`) with the clips, networks and data of its stages."""
 
     args: argparse.Namespace
     session: Session
@@ -47,7 +47,7 @@ class Run:
 
     @staticmethod
     def of(args: argparse.Namespace) -> Run:
-        """Begin a run with the options of the command. FileError for clips that must not enter the model."""
+        """Start a run with the command's options; FileError for clips that the preset's licence excludes."""
         encoder = TextEncoder(args.text_encoder)
         config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
         if args.ablation:
@@ -75,20 +75,20 @@ class Run:
 
     @property
     def is_played(self) -> bool:
-        """True if characters walk with the model: the runtime loads no other output, and ablations are only compared."""
+        """True if the runtime can play the model: it needs this output layout, and ablations are only compared."""
         return self.config.output_size == OUTPUT_SIZE and not self.args.ablation
 
     def final(self, stage: str) -> Path:
-        """File of the weights that a stage ends with."""
+        """Return the path of a stage's final weights."""
         return self.out / f"{stage}_final.pt"
 
     def length(self, stage: str, batch: int | None = None) -> StageLength:
-        """The length of a stage; `batch` is by default that of stages 2 and 3, divided among the processes."""
+        """Return the length of a stage; `batch` defaults to that of stages 2 and 3, divided among the processes."""
         batch = batch or max(1, self.args.batch // parallel.workers())
         return StageLength(getattr(self.args, stage), batch, self._end_of(stage))
 
     def _end_of(self, stage: str) -> float | None:
-        """When a stage has had its part of what --minutes has left; UsageError where that is nothing."""
+        """Return when a stage has used its fraction of the time left of --minutes; UsageError if none is left."""
         if self.args.ends is None:
             return None
         now = time.monotonic()
@@ -101,12 +101,12 @@ class Run:
         return now + (self.args.ends - now) * FRACTIONS[stage] / coming
 
     def check_licence(self) -> None:
-        """FileError for clips that must not enter a model which may be published; else logs how much there is."""
+        """Raise FileError if non-commercial clips are in a model for publication; otherwise log the amount of data."""
         table = self.table
         bound = sorted(name for name in set(table.sources) if not sources.BY_NAME[name].free)
         if bound and self.config.name == OPEN:
             raise FileError(
-                f"{self.clips}: holds clips of {', '.join(bound)}, whose licence is non-commercial.",
+                f"{self.clips}: contains clips of {', '.join(bound)}, whose licence is non-commercial.",
                 f"Import with --preset {OPEN} into another --out.",
             )
         log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
@@ -124,7 +124,7 @@ class Run:
         return self.texts_of(self.table, self.clips)
 
     def texts_of(self, table: FrameTable, clips: Path | None) -> StyleTexts:
-        """Descriptions of the clips of a table; `clips` is their folder, where it holds descriptions."""
+        """Load descriptions of the clips of a table; `clips` is their folder if it contains descriptions."""
         words = self.config.direction_words, self.config.one_sided_words
         return load_style_texts(table, asset_path("prompts/styles.json"), self.encoder, clips, *words)
 
@@ -135,20 +135,20 @@ class Run:
 
     @cached_property
     def phase(self) -> np.ndarray:
-        """Phases of all frames. FileError before stage 0."""
+        """Phases of all frames; FileError before stage 0."""
         stored = self.out / "phase.npy"
         if stored.exists():
             phase = np.load(stored, allow_pickle=False)
             if len(phase) == len(self.table):
                 return phase
-            log.info("%s belongs to another set of clips: encoding these", stored)
+            log.info("%s belongs to other clips: computing phases again", stored)
         if not self.final("phase").exists():
             raise FileError(f"{stored}: missing.", "Train stage 'phase' first.")
         return stage_phase.encode_table(self.session, self.config, self.table)
 
     @cached_property
     def frames(self) -> FrameTensors:
-        """The frames as tensors, with what composes them."""
+        """The frames as tensors, with their composer."""
         frames = FrameTensors.of(self.table, self.phase, self.session.device)
         if self.config.composition:
             frames.composer = Composer(
@@ -158,7 +158,7 @@ class Run:
 
     @cached_property
     def scales(self) -> dict[str, torch.Tensor]:
-        """Normalisation of x, y and Z^t: measured once per run, so that a resumed stage continues with the same."""
+        """Normalisation of x, y and Z^t, measured once per run so that resumed stages use the same."""
         path = self.out / "scales.pt"
         if not path.exists():
             centre, deviation = stage_content.style_scale(self.content, self.texts)
@@ -188,7 +188,7 @@ class Run:
 
     @cached_property
     def content(self) -> ContentEncoder | None:
-        """The trained content encoder; None where the model has none. FileError before stage 1."""
+        """The trained content encoder, None if the model has none; FileError before stage 1."""
         if not self.config.content_encoder:
             return None
         path = self.final("content")
@@ -197,14 +197,14 @@ class Run:
         if trained_with != self.config.text_encoder:
             raise FileError(
                 f"{path}: trained with the text encoder {trained_with!r}, not {self.config.text_encoder!r}.",
-                "Name its folder with --text-encoder, or another --out.",
+                "Give its folder with --text-encoder, or choose another --out.",
             )
         module = ContentEncoder(self.config)
         module.load_state_dict(stored["module"])
         return module.to(self.session.device).eval()
 
     def generator(self, stage: str) -> Generator:
-        """The motion generator as a stage left it."""
+        """Load the motion generator after a stage."""
         module = Generator(self.config)
         module.load_state_dict(load_checkpoint(self.final(stage))["module"])
         return module.to(self.session.device)

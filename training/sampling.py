@@ -1,4 +1,4 @@
-"""How often every frame is drawn: styles alike, terrain and edits by fixed fractions, changes of movement oftener."""
+"""Sampling weight of every frame: styles balanced, fixed fractions of terrain and edits, transitions oversampled."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from runtime.skeleton import SPORT_SKELETON
 from training.frames import LAYERED, FrameTable
 
 FAVOURED_FACTOR = 3.0
-TERRAIN_FRACTION, LAYERED_FRACTION = 0.18, 0.36  # of the frames drawn; the rest is capture
-# A style with a sixteenth of another's frames is drawn half as often: some have one short take.
+TERRAIN_FRACTION, LAYERED_FRACTION = 0.18, 0.36  # of drawn frames; the rest is captured
+# Exponent on a style's frames: one with a sixteenth of another's is drawn half as often. Some have one short take.
 STYLE_EXPONENT = 0.25
-# Starts, stops, turns and changes of gait are a small part of the capture and much of what a player does.
+# Starts, stops, turns and changes of gait are rare in captures but frequent in play.
 MOMENT_FACTOR = 4.0
 MIN_TURN_RAD = np.deg2rad(50.0)  # within a second
-SPRINT_TILT = np.deg2rad(24.0)  # of the trunk, forward
-SPRINT_SPEED = 2.2  # m/s within the second after a stand
-_SPRINTING = ("accad", "o3de")  # captures whose runs from a stand are sprint starts
+SPRINT_TILT_RAD = np.deg2rad(24.0)  # forward tilt of the trunk
+SPRINT_M_PER_S = 2.2  # speed reached within a second from a stand
+_SPRINTING = ("accad", "o3de")  # data sets whose runs from a stand are sprint starts
 
 
 def sampling_weights(table: FrameTable, favoured: NDArray[np.bool_] | None = None) -> Array:
-    """Per-frame weight `(N,)`: fixed fractions for terrain rollouts and layered clips, the rest by style; sums to one.
+    """Return frame weights `(N,)`, sum one: fixed fractions for terrain rollouts and layered clips, the rest by style.
 
-    Frames of `favoured` clips `(clips,)` count `FAVOURED_FACTOR` times. Held-out frames, sprint starts and each clip's first frame
-    (it has no previous pose) weigh nothing.
+    Frames of `favoured` clips `(clips,)` weigh `FAVOURED_FACTOR` times as much. Held-out frames, sprint starts and the
+    first frame of each clip (no previous pose) have weight 0.
     """
     weights = np.zeros(len(table))
     styles = np.array(table.styles)[table.clip]
@@ -53,7 +53,7 @@ def sampling_weights(table: FrameTable, favoured: NDArray[np.bool_] | None = Non
 
 
 def moments(table: FrameTable) -> NDArray[np.bool_]:
-    """Frames `(N,)` whose ±1 s window holds a start, a stop, a change between walk and jog, or a turn."""
+    """Return frames `(N,)` whose ±1 s window contains a start, a stop, a change between walk and jog, or a turn."""
     gait = _gaits(table)
     changes = np.zeros(len(table), bool)
     for kind in (Gait.STAND, Gait.JOG):
@@ -66,18 +66,18 @@ def moments(table: FrameTable) -> NDArray[np.bool_]:
 
 
 def sprint_starts(table: FrameTable) -> NDArray[np.bool_]:
-    """Frames `(N,)` of a run from a stand with the trunk far forward: a jog does not start like that."""
+    """Return frames `(N,)` of runs that start from a stand with the trunk far forward, unlike jogs."""
     captured = np.isin(np.array(table.sources), _SPRINTING)[table.clip]
     joints = table.y[:, OUTPUT["joint_positions"]].reshape(len(table), -1, 3)
     trunk = joints[:, SPORT_SKELETON.index("Neck")] - joints[:, 0].astype(np.float32)
-    tilted = np.arctan2(trunk[:, 2], trunk[:, 1]) > SPRINT_TILT
+    tilted = np.arctan2(trunk[:, 2], trunk[:, 1]) > SPRINT_TILT_RAD
     gait = _gaits(table)
     stood = gait[:, : features.L // 2 + 2, Gait.STAND].max(1) > 0.5
     path = np.asarray(table.x[:, INPUT["trajectory_positions"]], np.float32).reshape(-1, features.L, 2)
-    runs = np.linalg.norm(path[:, -1] - path[:, -2], axis=1) * FPS / features.SAMPLE_STEP > SPRINT_SPEED
+    runs = np.linalg.norm(path[:, -1] - path[:, -2], axis=1) * FPS / features.SAMPLE_STEP > SPRINT_M_PER_S
     return captured & tilted & stood & runs
 
 
 def _gaits(table: FrameTable) -> Array:
-    """Gait weights `(N, 12, 6)` of the trajectory's samples."""
+    """Return gait weights `(N, 12, 6)` of the trajectory samples."""
     return table.x[:, INPUT["gait"]].reshape(len(table), features.L, features.GAITS)

@@ -1,4 +1,4 @@
-"""What every stage needs: device and precision, moving-average weights, resumable checkpoints, progress."""
+"""Training loop shared by all stages: device and precision, averaged weights, resumable checkpoints, progress."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ log = logging.getLogger("sport.train")
 
 @dataclass
 class Session:
-    """The folder of the results and the device that computes them; the same code runs on CPU and CUDA."""
+    """Output folder, device and precision of a stage; the same code runs on CPU and CUDA."""
 
     out: Path
     device: torch.device = field(
@@ -37,20 +37,20 @@ class Session:
     checkpoint_seconds: float = 240.0
 
     def __post_init__(self) -> None:
-        # a processor without bf16 products computes them many times slower than those of single precision
+        # without bf16 instructions, a CPU computes bf16 products many times slower than float32
         if self.device.type == "cpu" and not torch.ops.mkldnn._is_mkldnn_bf16_supported():
             self.half = False
 
     def autocast(self) -> AbstractContextManager[object]:
-        """bf16 mixed precision, or nothing."""
+        """Return the context of bf16 mixed precision, or one without effect."""
         return torch.autocast(self.device.type, torch.bfloat16) if self.half else nullcontext()
 
     def generator(self, salt: int = 0) -> torch.Generator:
-        """A seeded generator for sampling on the CPU, equal in all processes that train together."""
+        """Return a seeded CPU generator, equal in all processes that train together."""
         return torch.Generator().manual_seed(self.seed * 7919 + salt)
 
     def batch_generator(self, salt: int) -> torch.Generator:
-        """A seeded generator for what each process draws for itself."""
+        """Return a seeded generator that differs between processes."""
         return self.generator(salt + 1_000_003 * parallel.rank())
 
 
@@ -63,7 +63,7 @@ class MovingAverage:
 
     @torch.no_grad()
     def update(self, module: nn.Module, step: int) -> None:
-        """Blend in the module's weights; the early average is short so that it forgets the start."""
+        """Update with the module's weights; the decay starts low, so that initial weights are forgotten."""
         decay = min(self.decay, (step + 1) / (step + 10))
         current = module.state_dict()
         names = [name for name, value in current.items() if value.is_floating_point()]
@@ -73,7 +73,7 @@ class MovingAverage:
 
 
 def save_checkpoint(path: Path, state: dict) -> None:
-    """Write atomically: a killed run leaves the previous checkpoint. Of several processes only the first writes."""
+    """Write atomically, so that a killed run keeps the previous checkpoint; only the first of several processes writes."""
     if parallel.rank():
         return
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -83,7 +83,7 @@ def save_checkpoint(path: Path, state: dict) -> None:
 
 
 def load_checkpoint(path: Path) -> dict:
-    """Tensors and plain values only; FileError when missing or damaged."""
+    """Load tensors and plain values only; FileError if missing or damaged."""
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, EOFError, KeyError) as error:
@@ -93,7 +93,7 @@ def load_checkpoint(path: Path) -> dict:
 
 
 class Resumable(Protocol):
-    """A source of a stage's samples, kept in its checkpoints."""
+    """A sample source whose state is part of the checkpoint."""
 
     def state_dict(self) -> Mapping[str, Any]: ...
 
@@ -104,7 +104,7 @@ class Resumable(Protocol):
 class StageLength:
     """The length of a stage: `steps` of `batch` samples in each process.
 
-    With `ends`, seconds of `time.monotonic`, it trains until then: its schedule goes from 0 to `steps` by time.
+    With `ends`, in seconds of `time.monotonic`, training stops then, and its schedule runs from 0 to `steps` over time.
     """
 
     steps: int
@@ -113,14 +113,14 @@ class StageLength:
 
 
 class StageSchedule:
-    """The place of a stage on its schedule of `length.steps`: by its steps, or by time."""
+    """Position of a stage on its schedule, 0 to `length.steps`: by step count, or by time."""
 
     def __init__(self, length: StageLength, begun: float = 0.0) -> None:
-        """`begun`: where an earlier process stopped, when this one goes by time."""
+        """`begun`: position at which an earlier process stopped, for a schedule by time."""
         self.length, self._begun, self._started = length, begun, time.monotonic()
 
     def at(self, step: int) -> float:
-        """The place at a step, of the first process where several train together: they must go and stop alike."""
+        """Return the position at a step; of the first process if several train together, which must stop together."""
         if self.length.ends is None:
             return step
         gone = (time.monotonic() - self._started) / max(self.length.ends - self._started, 1e-3)
@@ -129,23 +129,22 @@ class StageSchedule:
 
 @dataclass
 class TrainingState:
-    """All that the next step of a stage depends on, saved and restored together.
+    """All state that the next step of a stage depends on, saved and restored together.
 
-    `sources` are what samples are drawn from: a stage resumed from a checkpoint gives the same bytes as one without a
-    break.
+    `sources` are the sample sources: a resumed stage gives bitwise the same weights as an uninterrupted one.
     """
 
     module: nn.Module
     optimizer: torch.optim.Optimizer
     average: MovingAverage
     sources: Mapping[str, Resumable] = field(default_factory=dict)
-    # called before every step with its place on the schedule; returns which variant of the step it is (`GradientStep`)
+    # called before every step with its schedule position; returns the variant of the step (`GradientStep`)
     prepare: Callable[[float], tuple] = lambda at: ()
     step: int = 0
-    at: float = 0.0  # on the schedule, `StageSchedule`
+    at: float = 0.0  # position on the schedule, see `StageSchedule`
 
     def restore(self, path: Path) -> bool:
-        """Continue from a checkpoint when there is one, random numbers included."""
+        """Restore a checkpoint with its random state, if there is one; returns whether there was."""
         if not path.exists():
             return False
         saved = load_checkpoint(path)
@@ -178,9 +177,9 @@ class TrainingState:
 
 
 class TrainingProgress:
-    """Running means of a stage's losses: in the log every 15 seconds, and the last as a text file.
+    """Running means of a stage's losses, logged every 15 seconds; the last ones are written to a text file.
 
-    Of several processes only the first writes.
+    Only the first of several processes writes.
     """
 
     def __init__(self, folder: Path, name: str, length: StageLength, state: TrainingState) -> None:
@@ -191,22 +190,22 @@ class TrainingProgress:
         self._names: list[str] = []
 
     def add(self, terms: Losses, state: TrainingState) -> None:
-        """The losses of a step that is done; they are waited for when they are shown only."""
+        """Add the losses of a finished step; the device is synchronised only when they are shown."""
         values = torch.stack([value.float() for value in terms.values()])
-        if self._names != list(terms):  # some losses begin later
+        if self._names != list(terms):  # some losses start later
             self._names, self._means = list(terms), values
         self._means.lerp_(values, 0.02)
         if time.monotonic() - self._shown > 15.0:
             self.show(state)
 
     def show(self, state: TrainingState) -> None:
-        """Log and write how far the stage is."""
+        """Log and write the progress of the stage."""
         if parallel.rank() or not self._names:
             return
         self._shown, steps = time.monotonic(), self._length.steps
         seconds = self._shown - self._started
         rate, pace = (state.step - self._first[0]) / seconds, (state.at - self._first[1]) / seconds
-        left = f"{(steps - state.at) / pace / 60:.1f} min left" if pace > 0.0 else "just begun"
+        left = f"{(steps - state.at) / pace / 60:.1f} min left" if pace > 0.0 else "starting"
         means = zip(self._names, self._means.tolist(), strict=True)
         text = "  ".join(f"{name} {mean:.4f}" for name, mean in means)
         log.info(
@@ -222,7 +221,7 @@ class TrainingProgress:
 
 
 def _optimise(state: TrainingState) -> None:
-    """One step of the optimiser and of the moving average."""
+    """Do one step of the optimiser and of the moving average."""
     parallel.average_gradients(state.module.parameters())
     nn.utils.clip_grad_norm_(state.module.parameters(), 1.0)
     state.optimizer.step()
@@ -239,9 +238,9 @@ def train(
     learning_rate: Callable[[float], float],
     length: StageLength,
 ) -> None:
-    """Optimise for `length`; `losses` of a batch returns named terms of which "total" is minimised.
+    """Optimise for `length`; `losses` maps a batch to named terms, of which "total" is minimised.
 
-    `learning_rate` is that of a place on the schedule, 0 to `length.steps`. Logs samples/s and the time left, and writes
+    `learning_rate` maps a schedule position, 0 to `length.steps`, to a rate. Logs samples/s and the time left, and writes
     a checkpoint `name.pt` every four minutes.
     """
     checkpoint = session.out / f"{name}.pt"
@@ -249,7 +248,7 @@ def train(
         log.info("%s: resumed at step %d", name, state.step)
     parallel.same_weights(state.module)
     if parallel.rank():
-        torch.manual_seed(torch.initial_seed() + parallel.rank())  # noise of its own
+        torch.manual_seed(torch.initial_seed() + parallel.rank())  # different noise in each process
 
     def terms_of(item: Tensor) -> Losses:
         with session.autocast():
@@ -281,7 +280,7 @@ def train(
 
 
 def _add_hours(out: Path, name: str, seconds: float) -> None:
-    """Sum up what each stage has taken, over all its interruptions, in `hours.json`."""
+    """Add to the total time of a stage in `hours.json`, over all interruptions."""
     if parallel.rank():
         return
     path = out / "hours.json"

@@ -1,4 +1,4 @@
-"""The training clips' six-part descriptions: for every clip some paraphrases, as indices into embedded sentences."""
+"""Six-part descriptions of training clips: paraphrases of every clip as indices into embedded sentences."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ from training.data.readers import read_json
 from training.data.sources import style_library
 from training.frames import FrameTable
 
-LAYERS, CAPTIONS = "layers.json", "captions.json"  # next to the clips: of edited ones, and of captured ones
+LAYERS, CAPTIONS = "layers.json", "captions.json"  # descriptions of edited, and of captured clips
 PARAPHRASES = 8
-MEASURED = 2  # of these for a captured clip with captions of its own
-MIXED_FRACTION = 0.4  # fraction of draws in which every part takes a paraphrase of its own
+MEASURED = 2  # of these, measured ones, for a captured clip with captions
+MIXED_FRACTION = 0.4  # of draws in which parts take different paraphrases
 
 
 @dataclass
 class StyleTexts:
-    """Descriptions of every clip.
+    """Descriptions of all clips.
 
-    `sentences[k]` are part k's distinct sentences with embeddings `embeddings[k]` `(U_k, D)`, to which direction
-    words and side belong if the model has them (`runtime.prompts.content`);
-    `index` `(clips, PARAPHRASES, 6)` points into them. `keys` `(clips, 6)` numbers what a part does: equal keys are
-    the same content, whatever the words. `names` are the keys' names.
+    `sentences[k]` are part k's distinct sentences with embeddings `embeddings[k]` `(U_k, D)`, which include direction
+    words and side if the model uses them (`runtime.prompts.content`); `index` `(clips, PARAPHRASES, 6)` points into
+    them. `keys` `(clips, 6)` identify the content of a part independently of its words; `names` are their names.
     """
 
     sentences: list[list[str]]
@@ -44,11 +43,11 @@ class StyleTexts:
     names: list[str]
 
     def of_rhythm(self) -> np.ndarray:
-        """`(clips,)` bool: where a part does an edit of rhythm and weight, which shows in steps only."""
+        """Return `(clips,)` bool: clips with an edit of rhythm and weight, which is visible only in steps."""
         return self._does(lambda edit: edit.does.of_steps)
 
     def of_pace(self) -> np.ndarray:
-        """`(clips,)` bool: where an edit changes how long or how quick the steps are."""
+        """Return `(clips,)` bool: clips with an edit of step length or step rate."""
         return self._does(lambda edit: edit.kind in ("steps", "hesitation"))
 
     def _does(self, what: Callable[[PartEdit], bool]) -> np.ndarray:
@@ -56,7 +55,7 @@ class StyleTexts:
 
 
 def pick_paraphrases(index: Tensor, clips: Tensor) -> Tensor:
-    """Sentence indices `(B, 6)` out of `index` `(clips, P, 6)` for clips `(B,)`, or `(B, 6)` of every part's own."""
+    """Draw sentence indices `(B, 6)` from `index` `(clips, P, 6)` for clips `(B,)`, or one clip per part `(B, 6)`."""
     count, parts = index.shape[1:]
     whose = clips if clips.ndim == 2 else clips[:, None]
     own = (torch.rand(len(clips), parts, device=clips.device) * count).long()
@@ -73,11 +72,11 @@ class StyleTable:
     index: Tensor
 
     def draw(self, clips: Tensor) -> Tensor:
-        """Z^t `(B, 384)` of random paraphrases of clips `(B,)`."""
+        """Draw Z^t `(B, 384)` of random paraphrases of clips `(B,)`."""
         return self.of(pick_paraphrases(self.index, clips))
 
     def of(self, sentences: Tensor) -> Tensor:
-        """Z^t `(B, 384)` of sentence indices `(B, 6)`."""
+        """Return Z^t `(B, 384)` of sentence indices `(B, 6)`."""
         return torch.cat([z[sentences[:, k]] for k, z in enumerate(self.parts)], dim=-1)
 
     def to(self, device: torch.device) -> StyleTable:
@@ -87,10 +86,10 @@ class StyleTable:
 def load_style_texts(
     table: FrameTable, path: Path, encoder: TextEncoderLike, clips: Path | None, words: bool, side: bool
 ) -> StyleTexts:
-    """Gather and embed every description; FileError names a style of the data that has none.
+    """Gather and embed all descriptions; FileError names a style of the data that has none.
 
-    `clips` is the folder of the clips: its `layers.json` holds the descriptions of layered clips, its
-    `captions.json`, if there, sentences measured on each captured one. `words` appends the direction words, `side` describes every limb as the left one.
+    `clips` is the folder of the clips: its `layers.json` has the descriptions of layered clips, its optional
+    `captions.json` sentences measured on captured ones. `words` appends direction words, `side` describes every limb as left.
     """
     library = style_library(path)
     layers, captions = _optional(clips, LAYERS), _optional(clips, CAPTIONS)
@@ -98,7 +97,7 @@ def load_style_texts(
     descriptions: list[list[PartDescriptions]] = []
     keys: list[list[str]] = []
     for name, style, mirrored in zip(table.names, table.styles, table.mirrored, strict=True):
-        if name in layers:  # those of edited clips are written for each image
+        if name in layers:  # edited clips and their mirror images have separate descriptions
             descriptions.append(_parsed(layers[name]["descriptions"]))
             keys.append(layers[name]["keys"])
             continue
@@ -124,7 +123,7 @@ def _parsed(mappings: list[dict[str, str]]) -> list[PartDescriptions]:
 
 
 def _sentences(descriptions: list[list[PartDescriptions]], k: int) -> tuple[list[str], np.ndarray]:
-    """The distinct sentences of part k, and which of them every clip has, `(clips, PARAPHRASES)`."""
+    """Return the distinct sentences of part k, and the indices of each clip's, `(clips, PARAPHRASES)`."""
     texts = [[row[p % len(row)].as_tuple()[k] for p in range(PARAPHRASES)] for row in descriptions]
     distinct, index = np.unique(np.array(texts), return_inverse=True)
     return distinct.tolist(), index.reshape(len(texts), PARAPHRASES)

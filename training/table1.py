@@ -1,10 +1,10 @@
-"""Models compared: Table I of the paper, every row and column, over several seeds, and distances to capture alone.
+"""Comparison of models: Table I of the paper, every row and column, over several seeds; and distances to capture.
 
     python -m training.evaluation table1 --train --clips DIR --runs RUNS --markdown docs/results/table1.md
 
-A row's models lie in RUNS/<row>/seed<k>/model (the one without diffusion in RUNS/full/seed<k>/model-mixture), where --train
-makes them (`training.ablations`). Seed k also draws what seed k is scored on, so that what has no training has a deviation too.
-The store is written after each model: a run that was stopped goes on where it was.
+The models of a row are RUNS/<row>/seed<k>/model (without diffusion: RUNS/full/seed<k>/model-mixture), trained by --train
+(`training.ablations`). Seed k also seeds the evaluation of seed k, so that untrained rows have a deviation too. The store
+is written after each model: an interrupted run resumes.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ from training.evaluation.motion.tables import mean, mean_skating
 from training.markdown import number, percent, table
 
 Cells = dict[str, float]
-SEED_IN_NAME = re.compile(r" seed\d+")  # of a model, `EvaluatedModel.name`
+SEED_IN_NAME = re.compile(r" seed\d+")  # in `EvaluatedModel.name`
 SHIPPED, CAPTURE = "ours, as shipped", "capture, one half against the other"
-# of what one model walks: less than in `Options`, because every seed draws others
+# of evaluated walks per model: less than in `Options`, because every seed draws new ones
 AMOUNTS = {"terrain_styles": 2, "diversity_clips": 12, "transitions": 10}
-SHOWN_WINDOWS_FRACTION = 0.5  # fraction of its windows from which on a style counts as shown
+SHOWN_WINDOWS_FRACTION = 0.5  # of a style's windows that must be recognised for the style to count as shown
 
 
 @dataclass(frozen=True)
 class TableRow:
-    """A line of the table: where its models lie, and what the paper's Table I says of its counterpart."""
+    """A row of the table: the folder of its models, and the figures of its counterpart in the paper's Table I."""
 
     title: str
     folder: str  # below RUNS
@@ -95,7 +95,7 @@ COMPARED = ("fmd_encoder", "fmd_kinematic", "skating_soles", "diversity", "trans
 
 
 def model_of(setting: Setting, row: TableRow | None, seed: int) -> Path | None:
-    """The exported model of a row, trained now where --train is given, or the shipped one; None where there is none."""
+    """Return the exported model of a row, trained now if --train is given, or the shipped one; None if missing."""
     args = setting.args
     if row is None:
         return setting.folders[0]
@@ -106,7 +106,7 @@ def model_of(setting: Setting, row: TableRow | None, seed: int) -> Path | None:
 
 
 def cells_of(plan: EvaluationPlan, evaluated: EvaluatedModel) -> Cells:
-    """The columns of the table for one model: it walks no more than they need."""
+    """Measure the columns of the table for one model, with no more walks than they need."""
     following = score_following(plan, evaluated)
     courses = score_courses(plan, evaluated, rough=False)
     flat = [gait["flat"]["after"] for gaits in courses.values() for gait in gaits.values()]
@@ -129,7 +129,7 @@ def _recognised(scores: dict[str, float]) -> Cells:
 
 
 def capture_cells(plan: EvaluationPlan) -> Cells:
-    """The columns of the capture: one half of its takes against the other, and its held-out clips."""
+    """Measure the columns of the capture: one half of its takes against the other, and its held-out clips."""
     held_out = score_held_out(plan)
     reference = joined([plan.reference[style] for style in plan.styles])
     cells = {}
@@ -142,7 +142,7 @@ def capture_cells(plan: EvaluationPlan) -> Cells:
 
 
 def table_one(setting: Setting) -> dict[str, Any]:
-    """Measure what is not in the store yet, every row with the first seed, then with the others; all cells by row and seed.
+    """Measure rows missing in the store, all with the first seed, then with the next; returns all cells by row and seed.
 
     The store is read again for each row: other commands may fill it at the same time, each with its own seeds.
     """
@@ -171,20 +171,20 @@ def table_one(setting: Setting) -> dict[str, Any]:
 
 
 def _rows(args: Arguments) -> list[tuple[str, TableRow | None]]:
-    """Titles with what is trained for them: nothing for the capture and the shipped model."""
+    """Return titles and their trained rows, None for the capture and the shipped model."""
     trained = ROWS if args.runs is not None else ()
     return [(CAPTURE, None), (SHIPPED, None), *((row.title, row) for row in trained)]
 
 
 def _scored(plan: EvaluationPlan, folder: Path | None) -> Cells:
-    """Of a model, or of the capture itself where there is none."""
+    """Measure a model, or the capture itself if `folder` is None."""
     if folder is None:
         return capture_cells(plan)
     return cells_of(plan, EvaluatedModel(folder, plan.texts))
 
 
 def _options(setting: Setting) -> dict[str, Any]:
-    """What decides the figures."""
+    """Return the options that determine the figures."""
     args = setting.args
     features = read_metadata(args.features or setting.folders[0])["sha256"].get("motion", "")
     chosen = {name: getattr(args, name) for name in ("styles", "seconds", "quick")}
@@ -192,19 +192,19 @@ def _options(setting: Setting) -> dict[str, Any]:
 
 
 def _stored(path: Path | None, options: dict[str, Any]) -> dict[str, dict[str, Cells]]:
-    """The cells of the store, none where it is not there; FileError for one of other options."""
+    """Read the cells of the store, empty if it is missing; FileError if its options differ."""
     if path is None or not path.is_file():
         return {}
-    kept = read_json(path, "Name another --store.")
+    kept = read_json(path, "Choose another --store.")
     if not isinstance(kept, dict) or kept.get("options") != options:
         raise FileError(
-            f"{path}: holds no figures of these options.", "Name another --store, or take the same options."
+            f"{path}: figures of other options.", "Choose another --store, or repeat its options."
         )
     return kept["cells"]
 
 
 def check_table_one(args: Arguments) -> None:
-    """UsageError for options that make no sense together, before anything is trained."""
+    """Raise UsageError for inconsistent options, before anything is trained."""
     check_seconds(args)
     if args.train and args.known is None:
         if args.runs is None:
@@ -256,13 +256,13 @@ def _cells(seeds: Sequence[Cells]) -> list[str]:
 
 
 def _spread(values: Sequence[float], digits: int) -> str:
-    """Mean ± deviation over seeds; the deviation where there are two."""
+    """Format mean ± deviation over seeds; the deviation needs two."""
     spread = f" ± {np.std(values, ddof=1):.{digits}f}" if len(values) > 1 else ""
     return number(mean(values), digits) + spread
 
 
 TABLE1 = Experiment(
-    "Table I: every row over its seeds, resumable; rows whose training has not run are listed as not run.",
+    "Table I: every row over its seeds, resumable; untrained rows are listed as not run.",
     table_one,
     markdown,
     "table 1",
@@ -273,9 +273,7 @@ TABLE1 = Experiment(
         option("--runs", type=Path, metavar="DIR", help="folder of trained rows: DIR/<row>/seed<k>/model"),
         option("--store", type=Path, metavar="FILE", help="figures so far (default: RUNS/table1.json)"),
         option("--seeds", type=int, nargs="+", default=[0, 1, 2], help="default: 0 1 2"),
-        option(
-            "--train", action="store_true", help="train the rows that are not there, each before it is scored"
-        ),
+        option("--train", action="store_true", help="train missing rows, each before it is scored"),
         *TRAINING_OPTIONS,
         *PLAN,
         "seconds",
@@ -283,13 +281,13 @@ TABLE1 = Experiment(
     check=check_table_one,
 )
 
-# --- distances: is the diffusion worth its steps, what does each part of the model bring ----------------------------
+# --- distances: the value of the diffusion and of each part of the model --------------------------------------------
 
 
 def distances(setting: Setting) -> dict[str, Any]:
-    """Frechet distances and recognition of several models, a tenth of the whole evaluation.
+    """Measure Frechet distances and recognition of several models, in a tenth of the time of the whole evaluation.
 
-    One encoder serves all: that of --features, or the first model's that has one.
+    All use one encoder: that of --features, or of the first model that has one.
     """
     plan = plan_of(setting)
     plan = replace(plan, options=replace(plan.options, recognise_seconds=8.0))
@@ -298,9 +296,9 @@ def distances(setting: Setting) -> dict[str, Any]:
 
 
 def distances_table(results: dict[str, dict[str, Any]]) -> str:
-    """Overall distance, its ratio to two halves of the capture (whole takes, cut takes), and recognition.
+    """Return a table of overall distance, its ratios to two halves of the capture (whole takes, cut takes), and recognition.
 
-    Seeds of one model are in one row: means, and deviations of the distance.
+    Seeds of one model share a row: means, and the deviation of the distance.
     """
     sets = sorted({name for r in results.values() for name in r["fmd"]})
     groups: dict[str, dict[str, dict[str, Any]]] = {}

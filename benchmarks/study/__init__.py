@@ -1,1 +1,1 @@
-"""A user study (Sec. IV-D): films of several methods rated blind, and the statistics of the answers."""
+"""User study (Sec. IV-D): blind ratings of films of several methods, and their statistics."""

@@ -1,10 +1,10 @@
-"""`python -m benchmarks.study`: takes the signals that end it, then imports what its parts need."""
+"""`python -m benchmarks.study`: handles termination signals, then imports what its parts need."""
 
 from runtime.interrupts import run_process
 
 
 def main() -> int:
-    """Run the command line; the exit code."""
+    """Run the command line; returns the exit code."""
     from benchmarks.study.command import main as run
 
     return run()

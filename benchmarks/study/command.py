@@ -1,4 +1,4 @@
-"""A user study as a page without a network, and the report on its answers: python -m benchmarks.study make | report."""
+"""A user study as an offline page, and the report on its answers: python -m benchmarks.study make | report."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from runtime.errors import UsageError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one of the two parts; the exit code."""
+    """Run one of the two parts; returns the exit code."""
     study = argparse.ArgumentParser(prog="python -m benchmarks.study", description=__doc__)
     parts = study.add_subparsers(title="parts", metavar="make | report", required=True)
     make = parts.add_parser("make", help="draw the films and write the page")
@@ -22,13 +22,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--model",
         action="append",
         metavar="NAME=DIR",
-        help="a method: its name in the report and its model folder; several (default: ours=the shipped one)",
+        help="name of a method in the report and its model folder; repeatable (default: ours=the shipped model)",
     )
-    make.add_argument("--clips", type=Path, metavar="DIR", help="imported capture, one more method")
-    make.add_argument("--seconds", type=float, default=5.0, help="of a film (default: 5)")
+    make.add_argument("--clips", type=Path, metavar="DIR", help="imported capture, as a further method")
+    make.add_argument("--seconds", type=float, default=5.0, help="length of a film (default: 5)")
     report = parts.add_parser("report", help="counts, means and tests of downloaded answers")
     report.set_defaults(command=run_report, needs=("statsmodels", "scipy"))
-    report.add_argument("answers", type=Path, nargs="+", metavar="JSON", help="what participants downloaded")
+    report.add_argument("answers", type=Path, nargs="+", metavar="JSON", help="downloaded answer files")
     report.add_argument("--key", type=Path, required=True, metavar="FILE", help="key.json of the study")
     report.add_argument("--figures", type=Path, metavar="DIR", help="draw Fig. 10 and 11 into DIR")
     report.add_argument(
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run_make(options: argparse.Namespace) -> None:
-    """Draw, write, and say how the page is used."""
+    """Write the page, and print how to use it."""
     from benchmarks.study import make
 
     if not 2.0 <= options.seconds <= 20.0:
@@ -56,7 +56,7 @@ def run_make(options: argparse.Namespace) -> None:
 
 
 def run_report(options: argparse.Namespace) -> None:
-    """Print the report, draw the figures."""
+    """Print the report and draw the figures."""
     from benchmarks.study import report
 
     answers = report.read_answers(options.answers, options.key, options.synthetic)

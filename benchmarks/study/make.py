@@ -1,8 +1,8 @@
-"""Films of every method, blinded, in a page that needs no network.
+"""Blinded films of every method in an offline page.
 
-The page holds the films under random names; which method made which is in `key.json` alone, which stays with whoever runs the
-study. Obstacles are crossed in a neutral style, walking and jogging (the paper's two animations of each), styles are walked on
-level ground along the path of their own capture. Of capture, obstacles are filmed that were captured: no one else's are made up.
+The page contains the films under random names; only `key.json`, for the organiser, maps them to methods. Obstacles are
+crossed in neutral style, walking and jogging (the paper's two animations of each); styles are walked on level ground along
+the path of their own capture. For the method capture only obstacles that were captured are filmed.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ Report = Callable[[str], None]
 
 FORMAT = "sport-study"
 PAGE, KEY = "index.html", "key.json"
-CAPTURE = "capture"  # the method whose low rating shows a film again
+CAPTURE = "capture"  # films of this method with low ratings are shown again
 STYLES = ("old", "proud", "drunk", "chicken", "aeroplane", "exhausted")
 SIZE, FILM_FPS = (448, 252), 20.0
-BEFORE_M, BEHIND_M = 1.6, 1.2  # of an obstacle, that a film shows
-SHOWN = {"hurdles": 1, "platforms": 1, "wall": 1}  # which obstacle of a course, if not the first
-# what was captured of an obstacle: a part of the imported clip's content
+BEFORE_M, BEHIND_M = 1.6, 1.2  # filmed before and behind an obstacle
+SHOWN = {"hurdles": 1, "platforms": 1, "wall": 1}  # index of the filmed obstacle of a course, if not 0
+# part of the content of clips that were captured on an obstacle
 CAPTURED = {"stairs": "climb 3 steps", "platforms": "platform", "hill": "uneven terrain", "hurdles": "hurdle"}
-GROUND_M, CELL_M = 28.0, 0.1  # of the ground that a film shows
-STILL_M = 0.4  # metres that a film's character goes at least
+GROUND_M, CELL_M = 28.0, 0.1  # size and cell of the filmed ground
+STILL_M = 0.4  # minimum distance walked in a film
 
 
 @dataclass(frozen=True)
 class Scene:
-    """One film of the study, before it is drawn."""
+    """One film of the study, before rendering."""
 
     method: str
     kind: str  # "obstacle" or "style"
-    title: str  # what the participant reads
+    title: str  # shown to the participant
     clip: Clip
     terrain: Terrain
 
@@ -59,21 +59,21 @@ class Scene:
 def make(
     out: Path, methods: dict[str, Path], clips: Path | None, seconds: float, report: Report = lambda _: None
 ) -> Path:
-    """Write the page and its key into the new folder `out`; the page. `clips`: imported capture, one more method.
+    """Write page and key into the new folder `out`; returns the page. `clips`: imported capture, as a further method.
 
-    UsageError for a folder that holds a study, and for too few methods.
+    UsageError if the folder contains a study, or for fewer than two methods.
     """
     if (out / KEY).exists():
         raise UsageError(
-            f"{out}: holds a study already; its answers belong to its key.", "Choose a new folder."
+            f"{out}: already contains a study, whose answers need its key.", "Choose a new folder."
         )
     if len(methods) + (clips is not None) < 2:
         raise UsageError(
-            "A study compares two methods at least.",
+            "A study compares at least two methods.",
             "Give another --model, or --clips for the capture itself.",
         )
     if CAPTURE in methods:
-        raise UsageError(f"--model {CAPTURE}: that name is the capture's.", "Choose another name.")
+        raise UsageError(f"--model {CAPTURE}: this name is reserved for the capture.", "Choose another name.")
     films = []
     for scene in _scenes(methods, clips, seconds):
         report(f"{scene.title}: {scene.method}")
@@ -82,7 +82,7 @@ def make(
 
 
 def write_study(out: Path, films: Sequence[tuple[Scene, bytes]]) -> Path:
-    """The page with all films (MP4) inside, and the key next to it."""
+    """Write the page with all films (MP4) embedded, and the key next to it; returns the page."""
     out.mkdir(parents=True, exist_ok=True)
     study = secrets.token_hex(8)
     named = {secrets.token_hex(6): film for film in films}
@@ -117,7 +117,7 @@ def write_study(out: Path, films: Sequence[tuple[Scene, bytes]]) -> Path:
 
 
 def draw(scene: Scene) -> bytes:
-    """The film of a scene by the viewer's own renderer, without a caption."""
+    """Render the film of a scene by the viewer's renderer, without a caption."""
     from viewer.filming.film import FilmOptions, make_film
 
     camera = "side" if scene.kind == "obstacle" else "front"
@@ -128,11 +128,11 @@ def draw(scene: Scene) -> bytes:
         return path.read_bytes()
 
 
-# --- what is filmed ---------------------------------------------------------------------------------------------------
+# --- scenes -----------------------------------------------------------------------------------------------------------
 
 
 def _scenes(methods: dict[str, Path], clips: Path | None, seconds: float) -> Iterator[Scene]:
-    """Every motion by every method, one after the other."""
+    """Yield every motion of every method."""
     models = {name: EvaluatedModel(folder, style_texts()) for name, folder in methods.items()}
     capture = [] if clips is None else [c for c in read_capture(clips).clips if c.group != TERRAIN_GROUP]
     capture.sort(key=lambda clip: not clip.held_out)
@@ -148,7 +148,7 @@ def _scenes(methods: dict[str, Path], clips: Path | None, seconds: float) -> Ite
 def _style_scenes(
     models: dict[str, EvaluatedModel], capture: Sequence[ClipInfo], seconds: float
 ) -> Iterator[Scene]:
-    """Walks in styles along the path of their own capture."""
+    """Yield walks in styles along the path of their own capture."""
     for style in STYLES:
         title, path = style.replace("_", " "), _captured_walk(capture, style)
         for name, evaluated in models.items():
@@ -158,14 +158,14 @@ def _style_scenes(
 
 
 def _captured_walk(capture: Iterable[ClipInfo], style: str) -> Motion | None:
-    """The middle of a walk ahead in a style."""
+    """Return the middle of a captured forward walk in a style."""
     walks = (c.path for c in capture if c.style == style and c.content == "walk forward")
     path = next(walks, None)
     return None if path is None else _middle(load_motion(path), 6.0)
 
 
 def _widened(terrain: Terrain, clip: Clip) -> Terrain:
-    """The ground around a clip, continued beyond its edges, which would tell a captured patch from a generated one."""
+    """Return the ground around a clip, extended beyond its edges, which would reveal captured patches."""
     x, z = (float(v) for v in clip.hips_positions[:, [0, 2]].mean(0))
     along = np.arange(-GROUND_M / 2, GROUND_M / 2 + CELL_M, CELL_M)
     heights = terrain.height((x + along)[:, None], (z + along)[None, :])
@@ -173,7 +173,7 @@ def _widened(terrain: Terrain, clip: Clip) -> Terrain:
 
 
 def clip_of(motion: Motion) -> Clip:
-    """The clip of a motion, without a name that tells who made it."""
+    """Return the clip of a motion, without a name that reveals its method."""
     return Clip("clip", FPS, motion.hips, motion.local, motion.contacts)
 
 
@@ -186,7 +186,7 @@ def _middle(motion: Motion, seconds: float) -> Motion:
 def _over(
     evaluated: EvaluatedModel, course: ObstacleCourse, gait: Gait, seconds: float
 ) -> tuple[Clip, Terrain]:
-    """A character over one obstacle of a course, from a little before it."""
+    """Generate a traversal of one obstacle of a course, starting shortly before it."""
     number = SHOWN.get(course.name, 0)
     shown = course.obstacles[number]
     upto = replace(course, obstacles=course.obstacles[: number + 1])
@@ -201,7 +201,7 @@ def _over(
 def _in_style(
     evaluated: EvaluatedModel, style: str, path: Motion | None, seconds: float
 ) -> tuple[Clip, Terrain]:
-    """A walk in a style along a captured path, or straight ahead."""
+    """Generate a walk in a style along a captured path, or straight ahead."""
     z = evaluated.style(style, 0)
     if path is None:
         (walk,) = straight_walks(evaluated.model, [z], seconds)
@@ -212,7 +212,7 @@ def _in_style(
 
 
 def _captured_obstacles(capture: Iterable[ClipInfo], course: str, count: int) -> list[Motion]:
-    """Captured motion over an obstacle of this kind that goes somewhere."""
+    """Return captured motions over an obstacle of this kind that travel a minimum distance."""
     if course not in CAPTURED:
         return []
     motions = (load_motion(c.path) for c in capture if CAPTURED[course] in c.content)

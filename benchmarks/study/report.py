@@ -1,11 +1,11 @@
-"""What participants answered, with the tests of Sec. IV-D.
+"""Report on the participants' answers, with the tests of Sec. IV-D.
 
-Counts of the five steps (Fig. 10), means with deviation (Fig. 11), one-way repeated-measures ANOVA over participants, Tukey's HSD,
-and before them Kruskal-Wallis and Bartlett. Nothing here makes an answer up: files marked as synthetic are refused unless they are
-accepted by an option, and then the report says so in its first line.
+Counts of the five ratings (Fig. 10), means with deviation (Fig. 11), Kruskal-Wallis, Bartlett, one-way repeated-measures
+ANOVA over participants and Tukey's HSD. Files marked as synthetic are rejected unless an option accepts them; the first
+line of the report then says so.
 
-Answers are a data frame with a row for each film by each participant: `participant`, `clip`, `method`, `kind`, `title`,
-`rating` (the later one where a film was shown again) and `again`.
+Answers are a data frame with a row per film and participant: `participant`, `clip`, `method`, `kind`, `title`,
+`rating` (the later one if a film was shown again) and `again`.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ REMEDY = "Use files that the study's page wrote."
 
 
 def read_answers(files: Sequence[Path], key: Path, synthetic: bool = False) -> pandas.DataFrame:
-    """The answers of one study; FileError or UsageError names the file and what is wrong with it."""
+    """Read the answers of one study; FileError or UsageError names the file and the problem."""
     secret = _read(key)
     if not _is_key(secret):
         raise FileError(
             f"{key}: not the key of a study.",
-            "Name the key.json that `python -m benchmarks.study make` wrote.",
+            "Give the key.json that `python -m benchmarks.study make` wrote.",
         )
     rows: list[dict[str, Any]] = []
     known: dict[str, Path] = {}
@@ -63,7 +63,7 @@ def read_answers(files: Sequence[Path], key: Path, synthetic: bool = False) -> p
 
 
 def _is_key(secret: dict[str, Any]) -> bool:
-    """Whether all films of a key are described, each by one of its methods."""
+    """Return whether all films of a key are described, each with one of its methods."""
     methods, clips = secret.get("methods"), secret.get("clips")
     if secret.get("format") != f"{FORMAT}-key" or not (isinstance(methods, list) and isinstance(clips, dict)):
         return False
@@ -85,19 +85,19 @@ def _read_participant(file: Path, study: Any) -> dict[str, Any]:
     if content.get("format") != f"{FORMAT}-answers" or not whole:
         raise FileError(f"{file}: not the answers of a participant.", REMEDY)
     if content.get("study") != study:
-        raise FileError(f"{file}: answers of another study.", "Name the key of that study.")
+        raise FileError(f"{file}: answers of another study.", "Give the key of that study.")
     return content
 
 
 def _ratings(file: Path, answers: list[Any], clips: dict[str, Any]) -> list[dict[str, Any]]:
-    """A row for each answer of a file, those to films shown again last."""
+    """Return a row per answer of a file, repeated films last."""
     rows = []
     for answer in answers:
         try:
             clip, rating, again = str(answer["clip"]), answer["rating"], bool(answer["again"])
             about = {name: clips[clip][name] for name in ("method", "kind", "title")}
         except (KeyError, TypeError) as error:
-            raise FileError(f"{file}: an answer about no film of this study.", REMEDY) from error
+            raise FileError(f"{file}: an answer about an unknown film.", REMEDY) from error
         if type(rating) is not int or not 1 <= rating <= 5:
             raise FileError(f"{file}: the rating {str(rating)[:20]} of {clip}: expected 1 to 5.", REMEDY)
         rows.append({"clip": clip, **about, "rating": rating, "again": again})
@@ -115,13 +115,13 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def parts_of(answers: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
-    """All films, and those of each kind where there are two."""
+    """Return all films, and those of each kind if there are two."""
     kinds = dict(tuple(answers.groupby("kind")))
     return {"all": answers, **(kinds if len(kinds) > 1 else {})}
 
 
 def significance(answers: pandas.DataFrame) -> dict[str, Any]:
-    """Kruskal-Wallis and Bartlett over ratings, ANOVA over participants' means, and Tukey's HSD; empty where too few rated."""
+    """Return Kruskal-Wallis and Bartlett on ratings, ANOVA on participants' means, and Tukey's HSD; empty for too few."""
     means = answers.pivot_table("rating", "participant", "method", observed=True).dropna()
     groups = [answers.rating[answers.method == method].astype(float) for method in means]
     if len(groups) < 2 or len(means) < 2 or min(map(len, groups)) < 2:
@@ -133,7 +133,7 @@ def significance(answers: pandas.DataFrame) -> dict[str, Any]:
         found["bartlett"] = stats.bartlett(*groups)
     rest = means.sub(means.mean(axis=1), axis=0) - means.mean() + means.to_numpy().mean()
     if np.ptp(rest.to_numpy()) < 1e-12:
-        return found  # nothing is left to test against
+        return found  # no variance left to test
     long = means.melt(ignore_index=False, value_name="rating").reset_index()
     long["method"] = long["method"].astype(str)
     row = AnovaRM(long, "rating", "participant", within=["method"]).fit().anova_table.iloc[0]
@@ -153,7 +153,7 @@ def significance(answers: pandas.DataFrame) -> dict[str, Any]:
 
 
 def markdown(answers: pandas.DataFrame) -> str:
-    """The report as Markdown."""
+    """Return the report as Markdown."""
     synthetic = answers.attrs["synthetic"]
     lines = ["**Synthetic answers: a trial of the report, no result.**", ""] if synthetic else []
     low = answers[answers.again & (answers.method == CAPTURE) & (answers.rating <= AGAIN_AT)]
@@ -205,7 +205,7 @@ def _p(value: float) -> str:
 
 
 def draw_bars(answers: pandas.DataFrame, out: Path) -> list[Path]:
-    """`fig10_responses.png`: fractions of the five steps; `fig11_means.png`: means with deviation."""
+    """Draw `fig10_responses.png`, fractions of the five ratings, and `fig11_means.png`, means with deviation."""
     import matplotlib
 
     matplotlib.use("Agg")

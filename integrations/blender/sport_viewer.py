@@ -1,18 +1,18 @@
-"""SPORT viewer in Blender: import takes, and follow the running viewer live. One file, for Blender 4.2 to 5.
+"""Blender add-on of the SPORT viewer: imports takes and follows the running viewer live. One file, for Blender 4.2 to 5.
 
 Install: Edit > Preferences > Add-ons > Install from Disk. Then File > Import > SPORT take, and the tab SPORT in the
 sidebar of the 3D view. Without Blender, `python sport_viewer.py [HOST:PORT] [SECONDS]` counts the poses that arrive.
 
-The message of the live link: UDP, one a datagram, little-endian. Position and rotations are the shown pose, after foot
-lock and leg IK: metres, right-handed, Y up, +Z forward, the left is +X.
+Messages of the live link: UDP, one per datagram, little-endian. Position and rotations are the displayed pose, after foot
+lock and leg IK: metres, right-handed, Y up, +Z forward, +X left.
 
     header      magic 4 bytes SPRT; version u8, 1; kind u8, 1 skeleton or 2 pose; joints u16, 31
-                sequence u32: poses sent before this message, modulo 2^32, gaps are losses
-                skeleton u32: CRC-32 of the skeleton message behind its header
-    skeleton    first and once a second. Each joint: parent i16 (-1 at the root), offset from the parent 3 f32, length of
+                sequence u32: poses sent before this message, modulo 2^32; gaps are losses
+                skeleton u32: CRC-32 of the skeleton message after its header
+    skeleton    at the start and once per second. Each joint: parent i16 (-1 at the root), offset from the parent 3 f32, length of
                 the name u8, name in UTF-8. Parents come before children; rest rotations are the identity
-    pose        60 a second: seconds of motion since the link was switched on f64, position of the root joint 3 f32, and
-                for each joint its rotation against the parent 4 f32 (w, x, y, z): 532 bytes for 31 joints
+    pose        60 per second: seconds of motion since the link was enabled f64, position of the root joint 3 f32, and
+                for each joint its rotation relative to the parent 4 f32 (w, x, y, z): 532 bytes for 31 joints
 """
 
 import contextlib
@@ -31,7 +31,7 @@ try:
     import bpy
     from bpy_extras.io_utils import ImportHelper
     from mathutils import Matrix, Quaternion, Vector
-except ModuleNotFoundError:  # a receiver without Blender
+except ModuleNotFoundError:  # used as a receiver without Blender
     bpy = None
 
 bl_info = {
@@ -53,15 +53,15 @@ HEADER = struct.Struct("<4sBBHII")  # magic, version, kind, joints, sequence, sk
 ROOT = struct.Struct("<d3f")  # seconds, position of the uppermost joint
 JOINT = struct.Struct("<h3fB")  # parent, offset, bytes of the name
 MAX_JOINTS = 1024
-MAX_DATAGRAMS = 512  # that one call takes: eight seconds of poses
+MAX_DATAGRAMS = 512  # limit per call: eight seconds of poses
 
 
 class MessageError(Exception):
-    """A datagram that is no message of this version; it is left out."""
+    """A datagram that is not a message of this version; it is ignored."""
 
 
 class LiveSkeleton(NamedTuple):
-    """Names, parents (-1 at the root) and offsets from the parent in metres, Y up, all rest rotations the identity."""
+    """Joint names, parents (-1 at the root) and offsets from the parent in metres, Y up; rest rotations are the identity."""
 
     number: int
     names: tuple
@@ -70,7 +70,7 @@ class LiveSkeleton(NamedTuple):
 
 
 class LivePose(NamedTuple):
-    """A pose: position of the uppermost joint in metres, and a quaternion w, x, y, z to the parent for each joint."""
+    """A pose: position of the root joint in metres, and a parent-relative quaternion w, x, y, z for each joint."""
 
     sequence: int
     skeleton: int
@@ -80,7 +80,7 @@ class LivePose(NamedTuple):
 
 
 def decode(data):
-    """Return a `LiveSkeleton` or `LivePose` from a datagram; MessageError says what is wrong with it."""
+    """Decode a datagram to a `LiveSkeleton` or `LivePose`; MessageError describes the problem."""
     if len(data) < HEADER.size or data[:4] != b"SPRT":
         raise MessageError("not a message of the SPORT viewer")
     _, version, kind, joints, sequence, skeleton = HEADER.unpack_from(data)
@@ -124,9 +124,9 @@ def _decode_skeleton(data, joints, number):
 
 
 class Receiver:
-    """A UDP socket that never waits: `drain` returns the poses that came since the last call, oldest first.
+    """A non-blocking UDP socket: `drain` returns the poses received since the last call, oldest first.
 
-    `skeleton` is the one announced last, `received` and `lost` count poses, `problem` is the last thing refused.
+    `skeleton` is the latest one announced, `received` and `lost` count poses, `problem` is the last rejection.
     """
 
     def __init__(self, host=DEFAULT_ADDRESS[0], port=DEFAULT_ADDRESS[1]):
@@ -145,14 +145,14 @@ class Receiver:
         self._sender, self._next = None, None
 
     def drain(self):
-        """Return the poses of the announced skeleton that came, oldest first; those before it are only counted."""
+        """Return received poses of the announced skeleton, oldest first; earlier ones are only counted."""
         poses = []
-        for _ in range(MAX_DATAGRAMS):  # the rest waits for the next call: a flood must not hold up Blender
+        for _ in range(MAX_DATAGRAMS):  # the rest waits for the next call: a flood must not block Blender
             try:
                 data, sender = self.socket.recvfrom(65535)
             except (BlockingIOError, InterruptedError):
                 break
-            except ConnectionResetError:  # Windows: no program listens where this socket sent to
+            except ConnectionResetError:  # Windows: no program listens at the address this socket sent to
                 continue
             try:
                 message = decode(data)
@@ -166,11 +166,11 @@ class Receiver:
         return poses
 
     def _count(self, pose, sender):
-        """Count gaps in the sequence; False for a pose that is older than the last one."""
+        """Count gaps in the sequence; returns False for a pose that is older than the last one."""
         ahead = 0 if self._next is None else (pose.sequence - self._next) % (1 << 32)
-        if sender != self._sender:  # another viewer, or the same one switched on again
+        if sender != self._sender:  # another viewer, or the same one restarted
             self._sender, ahead = sender, 0
-        elif ahead >= 1 << 31:  # it was overtaken, and counted as lost
+        elif ahead >= 1 << 31:  # a late pose, which was counted as lost
             self.received, self.lost = self.received + 1, max(self.lost - 1, 0)
             return False
         self.received, self.lost = self.received + 1, self.lost + ahead
@@ -183,11 +183,11 @@ class Receiver:
 
     @property
     def lost_share(self):
-        """Lost poses in those sent, 0 to 1."""
+        """Lost fraction of the sent poses, 0 to 1."""
         return self.lost / max(self.received + self.lost, 1)
 
     def close(self):
-        """Give the port back."""
+        """Release the port."""
         self.socket.close()
 
 
@@ -202,19 +202,19 @@ def parse_address(text):
     return host.strip("[]") or DEFAULT_ADDRESS[0], number
 
 
-# --- what stands in files
+# --- contents of files
 
 
-MAX_FPS = 32767  # Blender's bounds of a scene
+MAX_FPS = 32767  # Blender's limits of a scene
 MAX_FRAME = 1048574
 
 
 class NotATakeError(ValueError):
-    """A file that is no take, in a sentence."""
+    """A file that is not a take; its message is a sentence for the user."""
 
 
 class TakeFacts(NamedTuple):
-    """The facts in a take's files: rate, frames, markers `(name, frame)`, metres per unit, ground, whether it moves."""
+    """Data of a take's files: rate, frames, markers `(name, frame)`, metres per unit, ground, and whether it moves."""
 
     fps: float
     frames: int
@@ -225,7 +225,7 @@ class TakeFacts(NamedTuple):
 
 
 def read_take(path):
-    """Read the facts of a BVH with its JSON, or of a GLB with its `extras`; ValueError says what is wrong."""
+    """Read the data of a BVH with its JSON, or of a GLB with its `extras`; ValueError describes the problem."""
     path = Path(path)
     try:
         facts = _read_glb(path) if path.suffix.lower() == ".glb" else _read_bvh(path)
@@ -251,7 +251,7 @@ def _read_bvh(path):
     offsets = re.findall(r"OFFSET\s+(\S+)\s+(\S+)\s+(\S+)", text)
     longest = max((math.hypot(*map(float, offset)) for offset in offsets[1:]), default=0.0)
     described = {}
-    with contextlib.suppress(OSError, ValueError):  # a BVH of another program has no JSON next to it
+    with contextlib.suppress(OSError, ValueError):  # a BVH from other programs has no JSON next to it
         described = json.loads(path.with_name(path.name + ".json").read_text(encoding="utf-8"))
     described = described if isinstance(described, dict) and described.get("format") == "sport-take" else {}
     found = tuple(sorted(_marks(described, fps), key=lambda mark: mark[1]))
@@ -261,14 +261,14 @@ def _read_bvh(path):
 
 
 def _marks(described, fps):
-    """Name and frame of each prompt and gait in the JSON next to a BVH."""
+    """Return name and frame of each prompt and gait in the JSON next to a BVH."""
     marks = [(_title(e), max(float(e.get("seconds", 0.0)), 0.0)) for e in described.get("prompts", [])]
     marks += [(str(name), float(seconds)) for seconds, name in described.get("gaits", [])]
     return [(name, round(seconds * fps)) for name, seconds in marks]
 
 
 def _title(event):
-    """The words of a prompt; what was typed where parts were edited."""
+    """Return the words of a prompt; if parts were edited, the typed text."""
     text = str(event.get("prompt", ""))
     with contextlib.suppress(ValueError):
         value = json.loads(text)
@@ -300,7 +300,7 @@ def _read_glb(path):
 
 
 def find_ground(path, terrain=""):
-    """Find the OBJ or GLB of the ground next to a take: NAME-ground, NAME_ground, ground, or the ground's own name."""
+    """Find the OBJ or GLB of the ground next to a take, named NAME-ground, NAME_ground, ground, or as the terrain."""
     path = Path(path)
     stems = [f"{path.stem}-ground", f"{path.stem}_ground", "ground", Path(terrain).stem]
     for stem in filter(None, stems):
@@ -315,13 +315,13 @@ def find_ground(path, terrain=""):
 
 
 def to_blender(vector):
-    """Return a point of the viewer (Y up, +Z forward) in Blender's axes (Z up, -Y forward)."""
+    """Convert a point of the viewer (Y up, +Z forward) to Blender's axes (Z up, -Y forward)."""
     x, y, z = vector
     return Vector((x, -z, y))
 
 
 def import_take(context, path, ground="", first_frame=1):
-    """Import a take with its markers and ground, and set the scene's rate and range; the armature. ValueError."""
+    """Import a take with its markers and ground, and set the scene's rate and range; returns the armature. ValueError."""
     path, facts, scene = Path(path), read_take(path), context.scene
     scene.render.fps, scene.render.fps_base = max(1, math.ceil(facts.fps - 1e-6)), 1.0
     before, actions = set(bpy.data.objects), set(bpy.data.actions)
@@ -334,7 +334,7 @@ def import_take(context, path, ground="", first_frame=1):
             bpy.ops.import_anim.bvh, path, global_scale=facts.scale, frame_start=first_frame, use_fps_scale=False,
             rotate_mode="QUATERNION", axis_forward="-Z", axis_up="Y",
         )  # fmt: skip
-    # only now: versions of the importers differ in what the base does to their keys
+    # after the import: versions of the importers treat fps_base differently
     scene.render.fps_base = scene.render.fps / facts.fps
     made = set(bpy.data.objects) - before
     armature = next((thing for thing in made if thing.type == "ARMATURE"), None)
@@ -350,7 +350,7 @@ def import_take(context, path, ground="", first_frame=1):
 
 
 def _import_with(importer, path, **options):
-    """Let Blender's own importer read a file; ValueError in place of the traceback of one that stumbles."""
+    """Read a file with Blender's own importer; ValueError in place of its exceptions."""
     try:
         importer(filepath=str(path), **options)
     except RuntimeError as error:
@@ -365,7 +365,7 @@ def _add_markers(scene, marks):
 
 
 def _import_ground(path, facts, chosen):
-    """The ground that was chosen or lies next to the take; a take in place goes over none."""
+    """Import the chosen ground, or that next to the take; none for a take in place."""
     found = Path(chosen) if chosen else (find_ground(path, facts.terrain) if facts.placed else None)
     if found is None:
         return
@@ -374,7 +374,7 @@ def _import_ground(path, facts, chosen):
     before, scale = set(bpy.data.objects), facts.scale
     if found.suffix.lower() == ".obj":
         with found.open(encoding="utf-8", errors="replace") as file:
-            unit = re.search(r", (cm|m), Y up", file.readline())  # our own files say it
+            unit = re.search(r", (cm|m), Y up", file.readline())  # written in our own files
         scale = {"cm": 0.01, "m": 1.0}[unit[1]] if unit else scale
         _import_with(bpy.ops.wm.obj_import, found, global_scale=scale, forward_axis="NEGATIVE_Z", up_axis="Y")
     else:
@@ -385,14 +385,14 @@ def _import_ground(path, facts, chosen):
 
 
 def _curves(action):
-    """F-curves of an action, before and after actions got slots."""
+    """Return the F-curves of an action, with or without action slots."""
     if hasattr(action, "fcurves"):
         return list(action.fcurves)
     return [c for layer in action.layers for s in layer.strips for bag in s.channelbags for c in bag.fcurves]
 
 
 def _retime(action, scale, first_frame):
-    """Multiply the times of all keys and move them so that the first one lies on `first_frame`, all on whole frames."""
+    """Scale the times of all keys and move the first one to `first_frame`; all are rounded to whole frames."""
     begin = action.frame_range[0]
     for curve in _curves(action):
         values = [0.0] * (2 * len(curve.keyframe_points))
@@ -406,7 +406,7 @@ def _retime(action, scale, first_frame):
 
 
 def rest_heads(skeleton):
-    """Return the places of the announced joints in their rest pose, the uppermost one at the origin."""
+    """Return the rest positions of the announced joints, the root at the origin."""
     heads = []
     for joint, parent in enumerate(skeleton.parents):
         heads.append(heads[parent] + to_blender(skeleton.offsets[joint]) if parent >= 0 else Vector())
@@ -425,7 +425,7 @@ def build_armature(context, skeleton, name="SPORT live"):
         bone = data.edit_bones.new(skeleton.names[joint])
         bone.head, bone.parent = heads[joint], bones[parent] if parent >= 0 else None
         bones.append(bone)
-    for joint, bone in enumerate(bones):  # towards the child; Blender removes bones without a length
+    for joint, bone in enumerate(bones):  # towards the child, because Blender removes bones without length
         below = [heads[c] for c, p in enumerate(skeleton.parents) if p == joint]
         ends = [head for head in below if (head - heads[joint]).length > 0.01]
         bone.tail = ends[0] if ends else heads[joint] + Vector((0.0, 0.0, 0.05))
@@ -433,7 +433,7 @@ def build_armature(context, skeleton, name="SPORT live"):
     return thing
 
 
-# The viewer's joints, and what they are called in other rigs, lower case letters and digits only: {s} is left, {i} is l.
+# The viewer's joints, and their names in other rigs, reduced to lower-case letters and digits: {s} is left, {i} is l.
 JOINTS = [
     "Hips", "LowerBack", "Spine", "Spine1", "Neck1", "Head", "{S}Shoulder", "{S}Arm", "{S}ForeArm", "{S}Hand",
     "{S}HandIndex1", "{S}UpLeg", "{S}Leg", "{S}Foot", "{S}ToeBase",
@@ -462,15 +462,15 @@ CONVENTIONS = (
 SIDES = ("Left", "Right")
 NEEDED = ["Hips", "Head", *(s + b for s in SIDES for b in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm"))]
 AIMS = dict(Arm="ForeArm", ForeArm="Hand", Hand="HandIndex1", UpLeg="Leg", Leg="Foot", Foot="ToeBase")
-ANKLE_M = 0.066  # of a standing foot of the viewer's skeleton
+ANKLE_M = 0.066  # height at which the viewer's skeleton stands
 
 
 def guess_joints(names):
-    """Guess a rig's bones by the viewer's joints, in the convention that recognises most of them; {} for none."""
+    """Guess a rig's bones for the viewer's joints, by the naming convention that matches most; {} if none does."""
     starts = [name[: cut.end()] for name in names for cut in re.finditer(r"[-_:|. ]", name)]
     prefix = max((p for p in set(starts) if starts.count(p) > 0.6 * len(names)), key=len, default="")
     best = {}
-    for strip in ("", prefix):  # of equal names the first counts
+    for strip in ("", prefix):  # the first of equal names is used
         index = {_simple_name(name.removeprefix(strip)): name for name in reversed(names)}
         found = [best, *(_named_joints(convention, index) for convention in CONVENTIONS)]
         best = max(found, key=lambda joints: len(joints.keys() & set(NEEDED)))
@@ -478,20 +478,20 @@ def guess_joints(names):
 
 
 def check_joints(name, found):
-    """Check that a rig has all bones that are needed; ValueError names those that it lacks."""
+    """Check that a rig has all required bones; ValueError names the missing ones."""
     missing = [joint for joint in NEEDED if joint not in found]
     if missing:
         raise ValueError(f"{name}: no bone found for {', '.join(missing)}; rename them as in Mixamo")
 
 
 def _simple_name(name):
-    """A bone's name without namespace, case and punctuation."""
+    """Return a bone's name without namespace, case and punctuation."""
     bare = re.sub(r"^(DEF|ORG)[-_]", "", re.split(r"[:|]", name)[-1])
     return re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower())
 
 
 def _named_joints(convention, index):
-    """The bones of `index`, by simple names, that a convention has."""
+    """Return the bones of `index` (by simple name) that match a convention."""
     called = {
         joint.format(S=side): name.format(s=side.lower(), i=side[:1].lower())
         for joint, name in zip(JOINTS, convention.split(), strict=True)
@@ -501,10 +501,10 @@ def _named_joints(convention, index):
 
 
 class Retarget:
-    """Turns poses of the viewer into channels of a rig with other names, axes, proportions and rest pose.
+    """Retargets poses of the viewer to a rig with other names, axes, proportions and rest pose.
 
-    Limbs turn onto the viewer's rest directions, so that an A-pose is no hindrance; the rig keeps its own size. The bones
-    `found` have all of `NEEDED`.
+    Limbs are rotated to the viewer's rest directions first, so that an A-pose works; the rig keeps its own size. The bones
+    `found` include all of `NEEDED`.
     """
 
     def __init__(self, armature, skeleton, found):
@@ -523,7 +523,7 @@ class Retarget:
         self.lift = ankle - ANKLE_M * self.scale if abs(ankle) < 0.3 * _leg(place) else 0.0
 
     def _turn(self, name, place):
-        """What turns a bone of the rig from its rest direction onto that of the viewer's skeleton."""
+        """Return the rotation of a bone from its rest direction to that of the viewer's skeleton."""
         side, bone = re.findall("(Left|Right|)(.+)", name)[0]
         aim = side + AIMS.get(bone, "")
         if bone == "ToeBase":
@@ -573,7 +573,7 @@ class Retarget:
 
 
 def _rest(bone):
-    """The rest matrix of a pose bone, None without one."""
+    """Return the rest matrix of a pose bone, None without a bone."""
     return bone and bone.bone.matrix_local
 
 
@@ -586,7 +586,7 @@ def _leg(place):
 
 
 def _axes(place):
-    """The quarter turns that put a rig's left on +X and its head on +Z, as a quaternion."""
+    """Return the quarter turns that bring a rig's left to +X and its head to +Z, as a quaternion."""
     rows = []
     for direction in (place["LeftUpLeg"] - place["RightUpLeg"], place["Head"] - place["Hips"]):
         axis = max(range(3), key=lambda k: abs(direction[k]))
@@ -598,7 +598,7 @@ def _axes(place):
 
 
 class LiveLink:
-    """Puts what a `Receiver` gets on an armature, and keeps it while recording."""
+    """Applies the poses of a `Receiver` to an armature, and stores them while recording."""
 
     def __init__(self, context, host, port, armature=None):
         self.receiver = Receiver(host, port)
@@ -608,7 +608,7 @@ class LiveLink:
         self._context = context
 
     def step(self):
-        """Take what has arrived, show the newest pose; how many poses came."""
+        """Read received poses and show the newest; returns their number."""
         poses = self.receiver.drain()
         if poses:
             if self.recording:
@@ -622,11 +622,11 @@ class LiveLink:
 
     @property
     def armature(self):
-        """The armature that moves, None before the first pose or after it was deleted."""
+        """The animated armature, None before the first pose or after its deletion."""
         return bpy.data.objects.get(self.name)
 
     def _bind(self, skeleton):
-        """Find the bones by their names; a new armature where there is none yet."""
+        """Find the bones by name; creates an armature if there is none."""
         if self.armature is not None and self._number == skeleton.number:
             return
         if self.armature is None:
@@ -640,7 +640,7 @@ class LiveLink:
                 head = rest.to_translation() if skeleton.parents[joint] < 0 else None
                 self._bones.append((joint, bone, rest.to_quaternion(), head))
         self._number = skeleton.number
-        if len(self._bones) < len(skeleton.names):  # a rig of its own
+        if len(self._bones) < len(skeleton.names):  # the user's own rig
             found = guess_joints([bone.name for bone in bones])
             check_joints(self.name, found)
             self._retarget = Retarget(self.armature, skeleton, found)
@@ -648,7 +648,7 @@ class LiveLink:
                 bones[name].rotation_mode = "QUATERNION"
 
     def _channels(self, pose):
-        """Pose bones with rotation, and location at the root: bones have other axes at rest than the viewer's joints."""
+        """Return pose bones with rotation, and location at the root, converted from joint axes to the rest axes of bones."""
         if self._retarget is not None:
             yield from self._retarget.channels(pose)
             return
@@ -659,7 +659,7 @@ class LiveLink:
             yield bone, turn, place
 
     def keep(self, first_frame=1):
-        """Write what was recorded as an action of the armature at the scene's rate; the number of keys in a curve."""
+        """Write the recording as an action of the armature at the scene's rate; returns the number of keys per curve."""
         poses, self.recorded, thing = self.recorded, [], self.armature
         if not poses or thing is None:
             return 0
@@ -677,7 +677,7 @@ class LiveLink:
         return len(by_frame)
 
     def _keys(self, poses):
-        """Frames and values of each curve, by bone, path and index."""
+        """Return frames and values of each curve, by bone, path and index."""
         keys = {}
         for frame, pose in poses:
             for bone, turn, place in self._channels(pose):
@@ -700,11 +700,11 @@ def _new_curve(action, thing, path, index):
 
 # --- Blender: menus and panel
 
-running = {}  # "link": the live link that is on
+running = {}  # "link": the active live link
 
 
 def _timer():
-    """Called by Blender 60 times a second while the link is on."""
+    """Update the link; called by Blender 60 times per second while it is on."""
     link = running.get("link")
     if link is None:
         return None
@@ -753,7 +753,7 @@ if bpy is not None:
             return {"FINISHED"}
 
     class SwitchLink(bpy.types.Operator):
-        """Follow the running viewer: start it with --live-link, or switch Live link on in its Scene panel"""
+        """Follow the running viewer: start it with --live-link, or turn on Live link in its Scene panel"""
 
         bl_idname = "sport.live_link"
         bl_label = "Live link"
@@ -773,7 +773,7 @@ if bpy is not None:
             return {"FINISHED"}
 
     class SwitchRecording(bpy.types.Operator):
-        """Record what the live link shows; the second press writes it as an action from frame 1 on"""
+        """Record the live link; click again to write an action from frame 1 on"""
 
         bl_idname = "sport.record"
         bl_label = "Record"
@@ -788,7 +788,7 @@ if bpy is not None:
             return {"FINISHED"}
 
     class LivePanel(bpy.types.Panel):
-        """Address, armature, and what arrives"""
+        """Address, armature, and reception of the live link"""
 
         bl_idname = "VIEW3D_PT_sport"
         bl_label = "SPORT viewer"
@@ -819,13 +819,13 @@ def _menu(menu, _context):
 
 
 def register():
-    """Add the menus and the panel; Blender calls it when the add-on is switched on."""
+    """Add the menus and the panel; Blender calls it when the add-on is enabled."""
     for each in CLASSES:
         bpy.utils.register_class(each)
     scene, props = bpy.types.Scene, bpy.props
     scene.sport_address = props.StringProperty(
         name="Listen at",
-        description="Address and port; 127.0.0.1 hears this computer only",
+        description="Address and port; 127.0.0.1 receives only from this computer",
         default=f"{DEFAULT_ADDRESS[0]}:{DEFAULT_ADDRESS[1]}",
     )
     scene.sport_armature = props.PointerProperty(
@@ -838,7 +838,7 @@ def register():
 
 
 def unregister():
-    """Remove all that `register` has added; Blender calls it when the add-on is switched off."""
+    """Remove everything that `register` added; Blender calls it when the add-on is disabled."""
     _stop()
     bpy.types.TOPBAR_MT_file_import.remove(_menu)
     del bpy.types.Scene.sport_address, bpy.types.Scene.sport_armature
@@ -847,7 +847,7 @@ def unregister():
 
 
 def main(arguments):
-    """Listen without Blender and print what came."""
+    """Listen without Blender and print the received poses."""
     host, port = parse_address(arguments[0] if arguments else "")
     seconds = float(arguments[1]) if len(arguments) > 1 else math.inf
     receiver, end = Receiver(host, port), time.monotonic() + seconds

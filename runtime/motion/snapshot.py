@@ -25,7 +25,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.mirror import LIMBS
 from runtime.motion.state import CharacterState
 from runtime.motion.style import Style, StyleCodes, StyleMix
-from runtime.motion.swing import MOST_GAIN, SWINGS
+from runtime.motion.swing import MAX_GAIN, SWINGS
 from runtime.records import REMEDY, copied, read_record, write_record
 from runtime.traversal.traversal import is_possible
 
@@ -166,7 +166,7 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
 
 
 def _gains(values: Any) -> tuple[float, ...]:
-    gains = tuple(read_number(value, MOST_GAIN) for value in values)
+    gains = tuple(read_number(value, MAX_GAIN) for value in values)
     if len(gains) != len(SWINGS):
         raise ValueError("invalid swing gains")
     return gains

@@ -25,7 +25,7 @@ from runtime.scalar_math import smoothstep
 Shares = tuple[float, ...]  # blend weights of the second of two styles, at even visible change
 
 LINEAR: Shares = (0.0, 1.0)
-NEUTRAL_SPEEDS = 1.3, 2.0  # m/s of a neutral walk and jog
+NEUTRAL_M_PER_S = 1.3, 2.0  # speeds of a neutral walk and jog
 MAX_CACHED_FOLDS = 16  # folded codes that are cached: a blend of six parts has seven
 
 
@@ -59,7 +59,7 @@ class Style:
     def speeds(self) -> tuple[float, float]:
         """Walking and jogging speed (m/s), adjusted by the prompt's leg edits."""
         own = self.walk_speed, self.jog_speed
-        walk, jog = (self._paced(k, each, NEUTRAL_SPEEDS[k]) for k, each in enumerate(own))
+        walk, jog = (self._paced(k, each, NEUTRAL_M_PER_S[k]) for k, each in enumerate(own))
         return walk, jog
 
     def _paced(self, gait: int, own: float, neutral: float) -> float:

@@ -42,7 +42,7 @@ from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 SWINGS = ("pelvis_yaw", "pelvis_roll", "shoulder_yaw", "arms", "bob")
 YAW, ROLL, SHOULDERS, ARMS, BOB = range(len(SWINGS))
 PLAIN = (1.0,) * len(SWINGS)
-LEAST_GAIN, MOST_GAIN = 0.5, 2.5
+MIN_GAIN, MAX_GAIN = 0.5, 2.5
 MAX_ADDED_SWINGS = (radians(9.0), radians(6.0), radians(12.0), radians(30.0), 0.04)  # rad, m: limits
 # body parts whose descriptions determine each swing: an arm's description leaves the pelvis alone
 _LEGS_TRUNK, _ARMS_TRUNK = (
@@ -98,7 +98,7 @@ class MeasuredSwings:
         try:
             codes = np.array([style["code"].split() for style in section], np.float32).reshape(-1, *shape)
             gains = np.array([style["gains"] for style in section], np.float64).reshape(-1, len(SWINGS))
-            within = np.isfinite(codes).all() and (gains >= LEAST_GAIN).all() and (gains <= MOST_GAIN).all()
+            within = np.isfinite(codes).all() and (gains >= MIN_GAIN).all() and (gains <= MAX_GAIN).all()
             fits = bool(within) and len(codes) == len(gains)
         except (AttributeError, TypeError, KeyError, ValueError, OverflowError):
             fits = False

@@ -21,7 +21,7 @@ from runtime.controls import Gait
 from runtime.easing import smoothstep
 from runtime.motion import features
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
-from runtime.motion.style import NEUTRAL_SPEEDS
+from runtime.motion.style import NEUTRAL_M_PER_S
 from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE, decay
 from runtime.terrain.height_map import Terrain
 
@@ -56,7 +56,7 @@ class Plan(NamedTuple):
 
 def change_seconds(walk_speed: float, response: float) -> float:
     """Return the time constant (seconds) to change velocity by the walking speed (m/s); `response` is 0 (as captured) to 1 (game)."""
-    style = min(max(sqrt(NEUTRAL_SPEEDS[0] / walk_speed), FASTEST_CHANGE_RATIO), SLOWEST_CHANGE_RATIO)
+    style = min(max(sqrt(NEUTRAL_M_PER_S[0] / walk_speed), FASTEST_CHANGE_RATIO), SLOWEST_CHANGE_RATIO)
     return TO_WALK_S * style * GAME_RESPONSE_FRACTION**response
 
 

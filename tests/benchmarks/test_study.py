@@ -68,7 +68,7 @@ def test_a_study_needs_two_methods_and_a_new_folder(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="two methods"):
         make.make(tmp_path / "a", {"ours": tmp_path}, None, 5.0)
     study(tmp_path)
-    with pytest.raises(UsageError, match="holds a study"):
+    with pytest.raises(UsageError, match="contains a study"):
         make.make(tmp_path, {"ours": tmp_path, "rival": tmp_path}, None, 5.0)
 
 
@@ -123,7 +123,7 @@ def test_damaged_and_foreign_answers_are_named(tmp_path: Path) -> None:
     good = json.loads(file.read_text(encoding="utf-8"))
     for change, words in (
         ({"study": "other"}, "another study"),
-        ({"answers": [{"clip": "x", "rating": 3, "again": False}]}, "no film"),
+        ({"answers": [{"clip": "x", "rating": 3, "again": False}]}, "unknown film"),
         ({"answers": [good["answers"][0] | {"rating": 6}]}, "expected 1 to 5"),
         ({"answers": [good["answers"][0] | {"rating": True}]}, "expected 1 to 5"),
         ({"format": "x"}, "not the answers"),

@@ -1,4 +1,4 @@
-"""What tests of the application do to it: run frames, press, type and click, and look at its state."""
+"""Drives the application in tests: runs frames, presses keys, types, clicks, and reads its state."""
 
 import re
 import time
@@ -37,7 +37,7 @@ WIDGETS = (
 
 
 class InjectedPads:
-    """A source whose pad the test sets."""
+    """A gamepad source whose state the test sets."""
 
     def __init__(self) -> None:
         self.state: GamepadState | None = None
@@ -52,7 +52,7 @@ def run(app: App, frames: int = 1) -> None:
 
 
 def run_until(app: App, condition: Callable[[], bool], seconds: float = 60.0) -> None:
-    """Frames at the pace of a display until something holds."""
+    """Run frames at a display's rate until a condition holds."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it never came"
@@ -67,7 +67,7 @@ def controller(app: App) -> FakeController:
 
 
 def drawn(app: App) -> list[tuple[str, tuple[float, float, float, float]]]:
-    """Every widget of one frame in its order: its label as ImGui gets it, and left, top, right, bottom on the screen."""
+    """Return all widgets of one frame in order: ImGui label, and left, top, right, bottom on the screen."""
     found = []
 
     def watched(draw: Callable[..., Any]) -> Callable[..., Any]:
@@ -87,7 +87,7 @@ def drawn(app: App) -> list[tuple[str, tuple[float, float, float, float]]]:
 
 
 def texts(app: App) -> list[str]:
-    """Every text of one frame that no widget carries."""
+    """Return all texts of one frame that are not part of widgets."""
     found = []
 
     def watched(draw: Callable[..., Any]) -> Callable[..., Any]:
@@ -101,7 +101,7 @@ def texts(app: App) -> list[str]:
 
 
 def place(app: App, label: str, index: int = 0, share: float = 0.5) -> tuple[float, float]:
-    """Where to click on a widget, at this share of its width; found by the words or the ##id of its label."""
+    """Return where to click on a widget, at fraction `share` of its width; found by the words or ##id of its label."""
 
     def names(full: str) -> tuple[str, ...]:
         words, _, key = full.partition("##")
@@ -115,7 +115,7 @@ def place(app: App, label: str, index: int = 0, share: float = 0.5) -> tuple[flo
 
 
 def click_on(app: App, label: str, index: int = 0) -> None:
-    """Click a widget where it is when the pointer has got there: a name that was just read may move what is beside it."""
+    """Click a widget at its position once the pointer is there: text that was just loaded may move its neighbours."""
     spot = place(app, label, index)
     for _ in range(5):
         point(app, *spot, 0 if app.frames_shown else None, False)
@@ -132,7 +132,7 @@ def click(app: App, x: float, y: float) -> None:
 
 
 def point(app: App, x: float, y: float, button: int | None = None, down: bool = False) -> None:
-    """Move the mouse there, where a button may change, and let the panels answer."""
+    """Move the mouse, optionally change a button there, and let the panels react."""
     hand.mouse(app.window, x, y, button, down)
     run(app, 2)
 
@@ -158,7 +158,7 @@ def click_prompt_box(app: App) -> None:
 
 
 def press(app: App, *names: str) -> None:
-    """Press keys together, the last ones last, and let them go; then a few frames in which panels answer."""
+    """Press keys together, in order, and release them; then run a few frames for the panels to react."""
     for name in names:
         app.window.inject_key(name, True)
         run(app)
@@ -175,14 +175,14 @@ def hold(app: App, key: str, frames: int) -> None:
 
 
 def type_prompt(app: App, text: str) -> None:
-    """Go to the prompt's field, where everything is selected, and type."""
+    """Focus the prompt field, which selects its text, and type."""
     app.shell.focus_prompt()
     run(app, 3)
     type_in(app, text)
 
 
 def type_key(app: App, letter: str) -> None:
-    """What a keyboard sends of a letter, within one frame: key down, its character, key up."""
+    """Send the events of a typed letter within one frame: key down, character, key up."""
     name = "space" if letter == " " else letter
     app.window.inject_key(name, True)
     hand.text(app.window, letter)
@@ -190,18 +190,18 @@ def type_key(app: App, letter: str) -> None:
 
 
 def typing(app: App) -> bool:
-    """Whether a text field has the keyboard."""
+    """Return whether a text field has the keyboard focus."""
     return bool(imgui.get_io().want_text_input)
 
 
 def message(app: App) -> str:
-    """The newest message, also one that waits until a weightier one was read."""
+    """Return the newest message, even if it waits behind a more important one."""
     recent = app.messages.recent
     return recent[-1].text if recent and recent[-1].ends_s >= app.messages.clock() else ""
 
 
 def words(app: App) -> dict[str, str]:
-    """The descriptions the character moves by."""
+    """Return the current descriptions of the character."""
     return app.editor.session.live.prompt.a.words.to_mapping()
 
 
@@ -211,7 +211,7 @@ def prompt(app: App) -> str:
 
 
 def style(app: App) -> np.ndarray:
-    """Z^t that the controller has; of a mix the mean of its codes."""
+    """Return the controller's Z^t; for a mix the mean of its codes."""
     last = controller(app).styles[-1][0]
     if isinstance(last, StyleMix):
         return np.sum([share * code for share, code in zip(last.weights, last.codes, strict=True)], axis=0)
@@ -225,7 +225,7 @@ def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None
 
 
 def record(app: App, frames: int = 20, stop: bool = True) -> None:
-    """A walk straight ahead; without `stop` it is still recorded."""
+    """Record a straight walk; without `stop` the recording continues."""
     app.takes.toggle_recording()
     hold(app, "w", frames)
     if stop:
@@ -240,7 +240,7 @@ def record_standing(app: App, frames: int) -> None:
 
 
 def export_bvh(app: App, path: Path | str | None = None) -> None:
-    """Export the take that plays or the newest one, where the window proposes it or to a path."""
+    """Export the playing or newest take, to `path` or the proposed one."""
     if path is not None:
         app.bvh_export.path = str(path)
     app.bvh_export.export()
@@ -248,7 +248,7 @@ def export_bvh(app: App, path: Path | str | None = None) -> None:
 
 
 def save_and_leave(app: App, path: Path) -> None:
-    """Save the session, and begin another one."""
+    """Save the session, and start a new one."""
     app.sessions.save_as(path)
     run(app, 2)
     app.sessions.new()
@@ -256,13 +256,13 @@ def save_and_leave(app: App, path: Path) -> None:
 
 
 def seek(app: App, frame: int) -> None:
-    """Show a frame of the take that plays, and pause there."""
+    """Show a frame of the playing take, and pause there."""
     app.takes.playback.seek(frame)
     run(app, 2)
 
 
 def frame(app: App) -> int:
-    """The frame that is shown of the take that plays."""
+    """Return the displayed frame of the playing take."""
     return app.takes.playback.frame
 
 
@@ -297,7 +297,7 @@ STEPS: dict[str, Callable[[App, str], object]] = {
 
 
 def do(app: App, steps: str) -> None:
-    """Steps of `STEPS`: "click ##terrain; key down; type abc"; "click Keep @1" is the second widget of that name."""
+    """Perform steps of `STEPS`: "click ##terrain; key down; type abc"; "click Keep @1" is the second widget of that name."""
     for step in steps.split("; "):
         verb, _, what = step.partition(" ")
         STEPS[verb](app, what)

@@ -17,7 +17,7 @@ ADDON = PROJECT_ROOT / "integrations" / "blender" / "sport_viewer.py"
 
 
 def load_addon() -> ModuleType:
-    """The add-on's file imported from where it lies."""
+    """Import the add-on from its file."""
     spec = importlib.util.spec_from_file_location("sport_viewer_addon", ADDON)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
@@ -26,7 +26,7 @@ def load_addon() -> ModuleType:
 
 
 def _find_blender() -> list[str]:
-    """What runs a script in Blender; empty where there is none."""
+    """Return the command that runs a script in Blender; empty if there is none."""
     named = os.environ.get(BLENDER_VARIABLE) or shutil.which("blender")
     if named and "python" not in Path(named).name.lower():
         options = "--background --factory-startup --python-use-system-env --python-exit-code 1 --python"
@@ -38,14 +38,14 @@ needs_blender = pytest.mark.skipif(not _find_blender(), reason="neither bpy nor 
 
 
 def blender_command(script: Path, *arguments: object) -> list[str]:
-    """The command that runs a script in Blender with arguments."""
+    """Return the command that runs a script in Blender with arguments."""
     command = _find_blender()
     separator = ["--"] if len(command) > 1 else []
     return [*command, str(script), *separator, *map(str, arguments)]
 
 
 def run_in_blender(script: str, folder: Path, *arguments: object) -> str:
-    """What a script in Blender writes into the file whose path is its last argument."""
+    """Run a script in Blender; returns what it writes into the file that is its last argument."""
     file, target = folder / "in_blender.py", folder / "read.json"
     file.write_text(script)
     command = blender_command(file, *arguments, target)

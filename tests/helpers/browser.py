@@ -33,25 +33,25 @@ def browser() -> Iterator[Any]:
 
 
 def script(browser: Any, text: str) -> Any:
-    """The value of an expression on the page."""
+    """Return the value of an expression on the page."""
     return browser.execute_script(f"return {text}")
 
 
 def key(browser: Any, name: str) -> None:
-    """Press a key, wherever the page's focus is."""
+    """Press a key in the focused element of the page."""
     from selenium.webdriver import ActionChains
 
     ActionChains(browser).send_keys(name).perform()
 
 
 def picture(browser: Any) -> np.ndarray:
-    """What WebGL draws on the page of a take."""
+    """Return the WebGL picture on the page of a take."""
     data = base64.b64decode(script(browser, "take.picture()").split(",")[1])
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
 
 
 def until(browser: Any, condition: str, seconds: float = 40.0) -> None:
-    """Wait until an expression holds."""
+    """Wait until an expression is true."""
     from selenium.webdriver.support.wait import WebDriverWait
 
     WebDriverWait(browser, seconds, 0.1).until(lambda window: script(window, condition))

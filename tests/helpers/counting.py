@@ -1,4 +1,4 @@
-"""What a piece of work costs, counted rather than timed; and bounds against files that are made to cost without end."""
+"""Cost of work, counted rather than timed; and limits for malicious files of unbounded cost."""
 
 import sys
 import time
@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-BOMB_S = 60.0  # of the processor; honest work takes less than a fiftieth of it
+BOMB_S = 60.0  # CPU time; valid files take less than a fiftieth of it
 BOMB_BYTES = 500 << 20
 
 
 def python_calls(work: Callable[[], Any]) -> int:
-    """How many functions of Python the work calls on this thread."""
+    """Count the Python function calls of some work on this thread."""
     count = 0
 
     def seen(_frame: FrameType, event: str, _argument: Any) -> None:
@@ -31,7 +31,7 @@ def python_calls(work: Callable[[], Any]) -> int:
 
 @contextmanager
 def allocated() -> Iterator[list[int]]:
-    """A list that gets the most bytes that Python and numpy held at once."""
+    """Yield a list that gets the peak memory of Python and numpy, bytes."""
     peak: list[int] = []
     tracemalloc.start()
     try:
@@ -43,7 +43,7 @@ def allocated() -> Iterator[list[int]]:
 
 @contextmanager
 def bounded() -> Iterator[None]:
-    """Fail where a hostile file costs more than it may."""
+    """Fail if a malicious file exceeds the limits."""
     begun = time.process_time()
     with allocated() as peak:
         yield

@@ -1,4 +1,4 @@
-"""What the documents hold: fenced blocks, commands, links; and whether a command would be accepted as it stands."""
+"""Contents of the documents: fenced blocks, commands and links; and checks that commands would be accepted."""
 
 import importlib
 import importlib.util
@@ -38,25 +38,25 @@ def text_of(path: Path) -> str:
 
 
 def blocks(path: Path, language: str) -> list[str]:
-    """The fenced blocks of one language."""
+    """Return the fenced blocks of one language."""
     return re.findall(rf"^```{language}\n(.*?)^```", text_of(path), re.S | re.M)
 
 
 def commands(path: Path) -> list[Command]:
-    """Every line of the sh blocks, continued lines joined, without comments."""
+    """Return all commands of the sh blocks, with continuation lines joined, without comments."""
     lines = "".join(blocks(path, "sh")).replace("\\\n", " ").splitlines()
     stripped = (shlex.join(shlex.split(line, comments=True)) for line in lines)
     return [Command(path.relative_to(ROOT).as_posix(), line) for line in stripped if line]
 
 
 def cases(found: Iterable[Command]) -> list[Any]:
-    """Parameters of a test for each command; the modules of those that train need torch."""
+    """Return a test parameter per command; training commands are marked as needing torch."""
     marks = {True: [pytest.mark.needs_torch], False: []}
     return [pytest.param(*one, marks=marks[bool(TRAINING.search(one.line))]) for one in found]
 
 
 def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """That program and options exist: `sport` by its parser, modules by the options in their help."""
+    """Check that program and options exist: `sport` by its parser, modules by the options in their help."""
     words = shlex.split(line)
     while words and SETTING.fullmatch(words[0]):
         words = words[1:]
@@ -80,19 +80,19 @@ def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
 def check_help(
     module: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`python -m module` exists, and its help names every option of `arguments`."""
+    """Check that `python -m module` exists, and that its help contains all options of `arguments`."""
     assert importlib.util.find_spec(module) is not None, module
     options = [word.split("=")[0] for word in arguments if word.startswith("--")]
     if not options or importlib.util.find_spec(module.split(".")[0]) is None:
         return
     imported = importlib.import_module(module)
     program = importlib.import_module(f"{module}.__main__") if hasattr(imported, "__path__") else imported
-    own = {"--text", "--courses"}  # of `sport evaluate`: each has a help of its own
+    own = {"--text", "--courses"}  # of `sport evaluate`: each has its own help
     subcommand = options[:1] if options[0] in own else []
     if module in WITH_SUBCOMMANDS:
         subcommand = arguments[:1]
     monkeypatch.setattr(sys, "argv", [module, *subcommand, "--help"])
-    # an experiment that is a program has no function of its own
+    # an experiment that is a program has no `main`
     run = getattr(program, "main", None) or partial(runpy.run_module, module, run_name="__main__")
     with pytest.raises(SystemExit):
         run()
@@ -101,12 +101,12 @@ def check_help(
 
 
 def links(path: Path) -> list[str]:
-    """Targets of links and images that lead to files of the repository, with their anchors."""
+    """Return targets of links and images to files of the repository, with their anchors."""
     text = re.sub(r"^```.*?^```", "", text_of(path), flags=re.S | re.M)
     return [target for target in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in target]
 
 
 def anchors(path: Path) -> set[str]:
-    """The anchors of a document's headings, as GitHub makes them."""
+    """Return the anchors of a document's headings, as made by GitHub."""
     headings = re.findall(r"^#+ (.*)$", text_of(path), re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}

@@ -1,4 +1,4 @@
-"""Plays the takes of an FBX by ufbx: what another program sees of it. In a process of its own: ufbx crashes where it frees."""
+"""Plays the takes of an FBX by ufbx, an independent reader, in a separate process: ufbx crashes when it frees memory."""
 
 import json
 import os
@@ -11,7 +11,7 @@ import numpy as np
 
 
 def play_fbx(path: Path, rate: float) -> dict[str, Any]:
-    """What `_facts` tells of a file; "worlds" has of each take the world matrices `(T, nodes, 4, 4)` at `rate` a second."""
+    """Return `_facts` of a file; "worlds" contains world matrices `(T, nodes, 4, 4)` of each take at `rate` per second."""
     target = path.with_suffix(".npz")
     done = subprocess.run([sys.executable, __file__, str(path), str(target), repr(rate)], capture_output=True,
                           text=True, check=True)  # fmt: skip
@@ -20,7 +20,7 @@ def play_fbx(path: Path, rate: float) -> dict[str, Any]:
 
 
 def _facts(scene: Any) -> dict[str, Any]:
-    """Unit and rate, names of nodes and their parents, ends of takes, posed vertices, materials, images, shapes."""
+    """Return unit, rate, nodes with parents, ends of takes, posed vertices, materials, images and shapes."""
     nodes = scene.nodes
     return {
         "unit": scene.settings.unit_meters, "fps": scene.settings.frames_per_second,

@@ -1,4 +1,4 @@
-"""Three skinned characters of others, built here: textured boxes on skeletons as Mixamo, VRM and a centimetre rig have them."""
+"""Skinned third-party-style characters: textured boxes on skeletons like those of Mixamo, VRM and a centimetre rig."""
 
 import io
 from pathlib import Path
@@ -26,7 +26,7 @@ Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # from Y up to Z up
 
 
 def rest_points() -> dict[str, np.ndarray]:
-    """Joints of an A-pose in centimetres, Y up, facing +Z."""
+    """Return the joints of an A-pose in centimetres, Y up, facing +Z."""
     points = {name: np.array(at, float) for name, at in _CENTRE.items()}
     for bone, at in _LEFT.items():
         points["Left" + bone] = np.array(at, float)
@@ -83,7 +83,7 @@ class Document:
 def _boxes(
     points: dict[str, np.ndarray], bones: list[str], order: list[str], size: float
 ) -> tuple[np.ndarray, ...]:
-    """A box about each joint: positions, texture coordinates, joints, weights, triangles."""
+    """Return a box around each joint: positions, texture coordinates, joints, weights, triangles."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4),
              (1, 5, 7), (1, 7, 3)]  # fmt: skip
@@ -99,7 +99,7 @@ def _boxes(
 
 def _skin_mesh(doc: Document, name: str, points: dict[str, np.ndarray], bones: list[str], order: list[str],
                nodes: list[int], worlds: np.ndarray, mesh_to_world: np.ndarray, size: float, seed: int) -> int:  # fmt: skip
-    """A mesh with its own skin over all joints; the node that shows it."""
+    """Add a mesh with its own skin over all joints; returns its node."""
     at, uv, joints, weights, triangles = _boxes(points, bones, order, size)
     primitive = {
         "attributes": {"POSITION": doc.array(at, True), "TEXCOORD_0": doc.array(uv), "JOINTS_0": doc.array(joints),
@@ -118,7 +118,7 @@ def _skin_mesh(doc: Document, name: str, points: dict[str, np.ndarray], bones: l
 def _joints(
     doc: Document, names: dict[str, str], worlds: dict[str, np.ndarray], above: np.ndarray
 ) -> list[int]:
-    """Nodes of the bones below a space `above`, in the order of `BONES`."""
+    """Add nodes of the bones below a space `above`; returns them in the order of `BONES`."""
     first = len(doc.value["nodes"])
     for name in BONES:
         local = np.linalg.inv(worlds.get(_MIXAMO_PARENTS[name], above)) @ worlds[name]
@@ -131,7 +131,7 @@ def _joints(
 
 
 def _worlds(points: dict[str, np.ndarray], to_world: np.ndarray, seed: int) -> dict[str, np.ndarray]:
-    """World matrices of the bones with arbitrary axes, the bones' space being `to_world` (may scale)."""
+    """Return world matrices of bones with arbitrary axes, in a space `to_world` (which may scale)."""
     rng = np.random.default_rng(seed)
     result = {}
     for name, point in points.items():
@@ -143,7 +143,7 @@ def _worlds(points: dict[str, np.ndarray], to_world: np.ndarray, seed: int) -> d
 
 
 def mixamo_rig(path: Path) -> Path:
-    """Centimetre bones under a node that scales to metres and turns from Z up, as FBX converters write them."""
+    """Write centimetre bones below a node that scales to metres and rotates from Z up, as FBX converters do."""
     doc = Document()
     above = np.eye(4)
     above[:3, :3] = 0.01 * Z_UP.T
@@ -159,9 +159,9 @@ def mixamo_rig(path: Path) -> Path:
 
 
 def vrm_rig(path: Path) -> Path:
-    """Metres, facing -Z, joints named by nothing but the VRM 0 humanoid, two meshes with a skin each."""
+    """Write a rig in metres, facing -Z, with joints named only by the VRM 0 humanoid, and two skinned meshes."""
     doc = Document()
-    back = np.diag([-0.012, 0.012, -0.012])  # a tall one
+    back = np.diag([-0.012, 0.012, -0.012])  # a tall character
     points = {name: back @ point for name, point in rest_points().items()}
     worlds = _worlds(points, np.eye(4), 2)
     nodes = _joints(doc, {b: f"J{i:03d}" for i, b in enumerate(BONES)}, worlds, np.eye(4))
@@ -177,7 +177,7 @@ def vrm_rig(path: Path) -> Path:
 
 
 def centimetre_rig(path: Path) -> Path:
-    """Unreal names, the file itself in centimetres and Z up, and a root joint above the pelvis that is turned."""
+    """Write a rig with Unreal names, centimetres, Z up, and a rotated root joint above the pelvis."""
     doc = Document()
     points = {name: Z_UP @ point for name, point in rest_points().items()}
     worlds = _worlds(points, np.eye(4), 4)
@@ -194,7 +194,7 @@ def centimetre_rig(path: Path) -> Path:
 
 
 def sparse_rig(path: Path) -> Path:
-    """A character with a shape key as Blender writes it (sparse, without bytes of its own) and an old animation."""
+    """Write a character with a sparse shape key, as by Blender, without own bytes, and an old animation."""
     document, blob = split_glb(mixamo_rig(path).read_bytes())
     primitive = document["meshes"][0]["primitives"][0]
     count = document["accessors"][primitive["attributes"]["POSITION"]]["count"]

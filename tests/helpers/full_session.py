@@ -1,4 +1,4 @@
-"""A session that has one of everything, and the pieces that it is made of."""
+"""A session with one of everything, and its components."""
 
 import sqlite3
 import zlib
@@ -45,19 +45,19 @@ MISSING_FILM = "/nowhere/walk.mp4"
 
 
 def answer(prompt: str, fill: float = 0.5, **values: object) -> Answer:
-    """An answered prompt whose code is `fill` everywhere."""
+    """Return an answered prompt whose code is `fill` everywhere."""
     words = PartDescriptions(*(f"{prompt}, part {k}" for k in range(6)))
     return replace(Answer(prompt, words, words, np.full((6, 64), fill, np.float32)), **values)  # type: ignore[arg-type]
 
 
 def controller() -> Controller:
-    """A character of the walking stand-in."""
+    """Return a character of the synthetic walker."""
     return Controller(WalkerModel(), Terrain.flat(), seed=7)
 
 
 @cache
 def driven_take(frames: int = 90) -> tuple[Clip, InputRecording]:
-    """A walk with styles, a ground, a restart, two gaits, and what drove it, from before its first frame on."""
+    """Return a walk with styles, a terrain, a restart and two gaits, and its inputs from before the first frame."""
     walker, clips, recorder = controller(), ClipRecorder(), InputRecorder()
     ground = Terrain("dunes", np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4), 20.0, (-30.0, -30.0))
     walker.set_terrain(ground)
@@ -83,7 +83,7 @@ def driven_take(frames: int = 90) -> tuple[Clip, InputRecording]:
 
 
 def still(frames: int, name: str = "still", seed: int = 0, fps: float = 60.0) -> Clip:
-    """Frames of no driven motion: they tremble about a pose."""
+    """Return a clip without inputs: frames that jitter about a pose."""
     rng = np.random.default_rng(seed)
     turns = np.cumsum(rng.normal(0.0, 0.01, (frames, 31, 4)), axis=0) + np.array([1.0, 0.0, 0.0, 0.0])
     turns /= np.linalg.norm(turns, axis=-1, keepdims=True)
@@ -93,7 +93,7 @@ def still(frames: int, name: str = "still", seed: int = 0, fps: float = 60.0) ->
 
 
 def full_session(cache: Path, source: Path) -> Session:
-    """One of everything; the files of its characters are in `cache`, the one it came from in `source`."""
+    """Return a session with one of everything; character files are in `cache`, their originals in `source`."""
     write_character(source / "me.glb", user_character())
     kept = write_character_files(read_character_files(source / "me.glb"), cache)
     kept_path = kept.relative_to(cache).as_posix()
@@ -146,14 +146,14 @@ def full_session(cache: Path, source: Path) -> Session:
 
 
 def text_of(session: Session) -> str:
-    """All of a session as text, with what its text refers to."""
+    """Return a session as text, with the contents that it references."""
     contents: dict[str, bytes] = {}
     text = DocumentWriter(lambda key, content: contents.update({key: content})).session(session)
     return "\n".join([text, *(f"{key} {contents[key]!r}" for key in sorted(contents))])
 
 
 def history_of(*sessions: Session) -> History:
-    """A history with these as its steps, after an empty first one."""
+    """Return a history with these sessions as steps, after an empty first one."""
     history = History()
     for number, session in enumerate(sessions):
         history.push(f"edit {number}", session)
@@ -161,7 +161,7 @@ def history_of(*sessions: Session) -> History:
 
 
 def written(path: Path, history: History, cache: Path) -> Path:
-    """A closed file that holds a history."""
+    """Write a history to a file and close it."""
     file = SessionFile.create(path, cache)
     file.write(history)
     assert file.close(), file.problem
@@ -169,7 +169,7 @@ def written(path: Path, history: History, cache: Path) -> Path:
 
 
 def reseal(path: Path) -> None:
-    """Give rows that another program has changed the checksums that fit them, as who lies on purpose does."""
+    """Update the checksums of rows changed by another program, as an attacker would."""
     with closing(sqlite3.connect(path, isolation_level=None)) as connection:
         connection.execute("PRAGMA ignore_check_constraints = ON")
         connection.execute("BEGIN")
@@ -182,7 +182,7 @@ def reseal(path: Path) -> None:
 
 
 def snapshot_bytes() -> bytes:
-    """The state of a character that has walked a little."""
+    """Return the state of a character after a short walk."""
     walker = controller()
     for _ in range(5):
         walker.step(Controls((0.0, 1.0)))
@@ -190,7 +190,7 @@ def snapshot_bytes() -> bytes:
 
 
 def packed_zeros(size: int) -> bytes:
-    """`zlib.compress(bytes(size))` of whole pieces of 4 MiB, each of which is packed once."""
+    """Return `zlib.compress(bytes(size))` for multiples of 4 MiB, compressing a single piece."""
     packer = zlib.compressobj(wbits=-15)
     piece = packer.compress(bytes(1 << 22)) + packer.flush(zlib.Z_FULL_FLUSH)
     checksum = size % 65521 << 16 | 1

@@ -1,4 +1,4 @@
-"""Plays the animation of a GLB with nothing of the project's own reader: what another program sees of it."""
+"""Plays the animation of a GLB without the project's own reader, as another program would."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ class Played:
         return [node.name for node in self.gltf.nodes].index(name)
 
     def joints(self, skin: int = 0) -> dict[str, np.ndarray]:
-        """World matrices `(T, 4, 4)` of a skin's joints by name."""
+        """Return world matrices `(T, 4, 4)` of a skin's joints by name."""
         return {self.gltf.nodes[n].name: self.worlds[:, n] for n in self.gltf.skins[skin].joints}
 
 
@@ -81,7 +81,7 @@ def _local(gltf: GLTF2, n: int, tracks: dict[tuple[int, str], np.ndarray], frame
 
 
 def skinned(played: Played, frame: int) -> np.ndarray:
-    """Vertices `(V, 3)` of the first skinned mesh in a frame, by the skin's joints and inverse bind matrices."""
+    """Return vertices `(V, 3)` of the first skinned mesh in a frame, by the skin's joints and inverse bind matrices."""
     gltf = played.gltf
     node = next(node for node in gltf.nodes if node.skin is not None)
     skin, primitive = gltf.skins[node.skin], gltf.meshes[node.mesh].primitives[0]

@@ -1,4 +1,4 @@
-"""Poses and a user's character that tests of glTF share, and a GLB taken apart."""
+"""Poses and a user's character for tests of glTF, and splitting of GLB files."""
 
 import json
 import struct
@@ -16,7 +16,7 @@ from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 
 
 def make_pose(seed: int | None, angle: float = 0.8) -> Pose:
-    """A random pose, or the rest pose without a seed."""
+    """Return a random pose, or the rest pose without a seed."""
     local = rotations.identity((31,)).astype(np.float64)
     hips = np.array([0.0, REST_HIPS_HEIGHT, 0.0])
     if seed is not None:
@@ -45,7 +45,7 @@ _LEFT = {"Shoulder": (6, 153, -3), "Arm": (18, 152, -4), "ForeArm": (38, 132, -4
 
 
 def user_character(names: tuple[str, ...] | None = None) -> Character:
-    """A stick-figure mesh: one small triangle at each joint, on a Mixamo-like skeleton."""
+    """Return a stick-figure mesh: a small triangle at each joint of a Mixamo-like skeleton."""
     where = {k: np.array(v, float) for k, v in _CENTRE.items()}
     for bone, point in _LEFT.items():
         where["Left" + bone] = np.array(point, float)
@@ -91,14 +91,14 @@ def join_glb(document: dict, blob: bytes) -> bytes:
 
 
 def character_glb() -> bytes:
-    """The user's character as a GLB."""
+    """Return the user's character as a GLB."""
     with tempfile.TemporaryDirectory() as folder:
         write_character(Path(folder) / "plain.glb", user_character())
         return (Path(folder) / "plain.glb").read_bytes()
 
 
 def textured(image: dict, extra: bytes = b"") -> bytes:
-    """A GLB of a character whose colours come from one image: `image` of its document, or `extra` in the file itself."""
+    """Return a GLB of a character textured by one image: `image` of its document, or `extra` in the file itself."""
     document, blob = split_glb(character_glb())
     count = document["accessors"][0]["count"]
     document["bufferViews"] += [

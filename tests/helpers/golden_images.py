@@ -1,6 +1,6 @@
-"""Reference images of tests: compared with a tolerance; what differs is left in tests/failures.
+"""Reference images of tests, compared with a tolerance; differences are written to tests/failures.
 
-After a wanted change of the look: SPORT_UPDATE_GOLDEN=1 pytest tests/viewer/render/test_render.py tests/viewer/render/test_golden.py, and look at
+After an intended change of the look: SPORT_UPDATE_GOLDEN=1 pytest tests/viewer/render/test_render.py tests/viewer/render/test_golden.py, and look at
 tests/golden.
 """
 
@@ -15,13 +15,13 @@ from viewer.render.offscreen import save_png
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 FAILURES = Path(__file__).parents[1] / "failures"
-UPDATE = " After a wanted change: SPORT_UPDATE_GOLDEN=1, and look at the new reference."
+UPDATE = " After an intended change: SPORT_UPDATE_GOLDEN=1, and look at the new reference."
 
 
 def check_golden(name: str, picture: np.ndarray, mean: float = 1.5, far: float = 0.01) -> None:
-    """Compare with tests/golden; on a mismatch leave picture, golden and difference in tests/failures.
+    """Compare with tests/golden; on a mismatch write picture, golden and difference to tests/failures.
 
-    `mean` is the difference allowed on average, `far` the share of pixels that may be far off: drivers differ by single
+    `mean` is the allowed mean difference, `far` the allowed fraction of pixels that are far off: drivers differ by single
     pixels on edges.
     """
     path = GOLDEN / f"{name}.png"

@@ -1,4 +1,4 @@
-"""An OpenAI-compatible HTTP server on loopback that behaves well and badly, and what tests of the expander share."""
+"""An OpenAI-compatible HTTP server on loopback with correct and faulty behaviour, for tests of the expander."""
 
 import contextlib
 import json
@@ -25,13 +25,13 @@ STYLES = load_styles(asset_path("prompts/styles.json"))
 PROUD, DRUNK = STYLES["proud"].descriptions[1], STYLES["drunk"].descriptions[1]
 FIVE = {part: text for part, text in PROUD.to_mapping().items() if part != "head"}
 INSTRUCTIONS = load_structured_prompt()
-UNREACHED_DELAY_S = 60.0  # seconds that no test waits
+UNREACHED_DELAY_S = 60.0  # longer than any test waits
 PROSE = "A proud person walks with the chest out and the arms swinging widely."
 
 
-# --- a server of our own
+# --- the test server
 def completion(content, **message):
-    """Body of a chat completion that says `content`."""
+    """Return the body of a chat completion with `content`."""
     choice = {"index": 0, "message": {"role": "assistant", "content": content, **message}}
     return json.dumps({"id": "1", "object": "chat.completion", "model": "m", "choices": [choice]})
 
@@ -50,7 +50,7 @@ def raw(text):
 
 
 def late(seconds):
-    """Answers well, but too late."""
+    """Answer correctly, but too late."""
 
     def behave(handler):
         handler.server.waited_out += not handler.server.released.wait(seconds)
@@ -60,14 +60,14 @@ def late(seconds):
 
 
 def trickle(handler):
-    """Sends a byte now and then, for ever: no single wait is long."""
+    """Send single bytes forever: no single wait is long."""
     handler.start(200, {"Content-Length": "1000000"})
     while not handler.server.released.wait(0.02):
         handler.wfile.write(b" ")
 
 
 def trickle_headers(handler):
-    """The same before the body has begun."""
+    """Do the same before the body has begun."""
     handler.wfile.write(b"HTTP/1.1 200 OK\r\nX-Slow: ")
     while not handler.server.released.wait(0.02):
         handler.wfile.write(b"a")
@@ -114,7 +114,7 @@ class Handler(BaseHTTPRequestHandler):
 
 
 class Endpoint(ThreadingHTTPServer):
-    """Behaves as `script` says, one entry for each request, the last one for all further ones."""
+    """Behaves according to `script`, one entry per request, the last one for all further requests."""
 
     daemon_threads = True
     block_on_close = False
@@ -122,7 +122,7 @@ class Endpoint(ThreadingHTTPServer):
     def __init__(self):
         super().__init__(("127.0.0.1", 0), Handler)
         self.lock, self.released = threading.Lock(), threading.Event()
-        self.waited_out = 0  # requests that somebody waited for as long as they took
+        self.waited_out = 0  # requests whose client waited until their end
         self.script, self.requests = [say(PROUD.to_json())], []
 
     def handle_error(self, request, client_address):
@@ -139,7 +139,7 @@ class Endpoint(ThreadingHTTPServer):
 
 @contextlib.contextmanager
 def serving(server, patch):
-    """The server answers on a thread, and no proxy stands before it."""
+    """Run the server on a thread, without a proxy."""
     pytest.importorskip("openai")
     for name in ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
         patch.delenv(name, raising=False)
@@ -160,7 +160,7 @@ def endpoint(monkeypatch):
 
 @pytest.fixture
 def settings_of():
-    """Settings for a server: hardly a wait between questions, but time enough for answers on a busy machine."""
+    """Return settings for a server: short waits between requests, but enough time for answers on a busy machine."""
 
     def make(server, **changes):
         quick = {
@@ -181,14 +181,14 @@ def expander_of(settings_of, tmp_path):
 
 
 class Library:
-    """Stands in for the library."""
+    """A fake prompt library."""
 
     def expand(self, prompt):
         return Expansion(DRUNK, "library", (("drunk", 0.9),), "Near enough.")
 
 
 class Encoder:
-    """Stands in for the network that makes Z^t."""
+    """A fake encoder of descriptions to Z^t."""
 
     def encode(self, descriptions):
         return np.full((6, 64), len(descriptions.head), np.float32)

@@ -1,4 +1,4 @@
-"""Small networks of ONNX, written by hand in place of trained ones."""
+"""Small hand-written ONNX networks in place of trained ones."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,9 +17,9 @@ def save_graph(
     constants: dict[str, np.ndarray],
     whole: bool = False,
 ) -> Path:
-    """A graph of nodes, each an operator, its inputs and outputs by name, and its attributes.
+    """Write a graph of nodes, each with operator, names of inputs and outputs, and attributes.
 
-    Inputs are real numbers, or `whole` ones.
+    Inputs are floats, or integers if `whole`.
     """
     onnx = pytest.importorskip("onnx")
     from onnx import TensorProto, helper, numpy_helper

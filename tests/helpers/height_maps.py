@@ -10,6 +10,6 @@ from runtime.terrain.files import WHITE_16_BIT_SCALE
 
 
 def write_height_png(path: str | Path, heights: Array) -> None:
-    """Heights `(nx, nz)` in 0..1 as a 16-bit grey PNG that `read_terrain` reads back."""
+    """Write heights `(nx, nz)` in 0..1 as a 16-bit grey PNG for `read_terrain`."""
     values = np.round(np.clip(heights, 0.0, 1.0) * WHITE_16_BIT_SCALE).astype(np.uint16)
     Image.fromarray(np.ascontiguousarray(values.T)).save(path)

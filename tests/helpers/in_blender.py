@@ -1,4 +1,4 @@
-"""Run by Blender, not by pytest: imports a take, or follows the live link, with the add-on, and writes what it has as JSON.
+"""Script for Blender, not pytest: imports a take or follows the live link with the add-on, and writes the result as JSON.
 
 in_blender.py ADDON take TARGET PATH...      in_blender.py ADDON live TARGET POSES [RIG]
 """
@@ -22,7 +22,7 @@ def joints(armature):
 
 
 def take(path):
-    """Import through the menu's operator; joints in every frame and what the scene has."""
+    """Import by the menu's operator; returns joints in every frame and data of the scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     done = bpy.ops.import_anim.sport_take(filepath=path)
     scene = bpy.context.scene
@@ -45,7 +45,7 @@ def take(path):
 
 
 def live(wanted, rig=""):
-    """Follow the link until so many poses came; the armature at the end, and the recorded action's."""
+    """Follow the link for `wanted` poses; returns the final armature, and that of the recorded action."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.scene.render.fps = 60
     if rig:

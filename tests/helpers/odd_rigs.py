@@ -1,4 +1,4 @@
-"""Skinned characters with joints that no table names, built here: humanoids as they are found, and a four-legged one."""
+"""Skinned characters with unknown joint names: humanoids modelled on published ones, and a quadruped."""
 
 from pathlib import Path
 
@@ -9,11 +9,11 @@ from runtime.character.character import Character
 from runtime.character.writer import write_character
 from tests.helpers.gltf_characters import user_character
 
-Points = dict[str, tuple[str, tuple[float, float, float]]]  # name -> parent, place in metres
+Points = dict[str, tuple[str, tuple[float, float, float]]]  # name -> parent, position in metres
 
 
 def _both(points: Points) -> Points:
-    """Mirror the entries that begin with "L " onto "R "."""
+    """Add mirrored entries "R ..." for those that begin with "L "."""
     left = {name: at for name, at in points.items() if name.startswith("L ")}
     parents = {name: "R" + parent[1:] if parent in left else parent for name, (parent, _) in left.items()}
     other = {"R" + name[1:]: (parents[name], (-x, y, z)) for name, (_, (x, y, z)) in left.items()}
@@ -41,7 +41,7 @@ HELPED: Points = _both({
     "L up": ("root", (0.08, 0.9, 0)), "L knee": ("L up", (0.13, 0.48, -0.03)), "L kt": ("L knee", (0.16, 0.3, -0.05)),
     "L ankle": ("L knee", (0.19, 0.07, -0.07)), "L ball": ("L ankle", (0.2, 0.02, 0.07)),
 })  # fmt: skip
-# feet and targets hang on the root, hands are pieces without a joint of their own (as RobotExpressive)
+# feet and targets are children of the root, hands are pieces without their own joint (as RobotExpressive)
 LOOSE: Points = _both({
     "bone": ("", (0, -0.01, -0.2)), "L foot": ("bone", (0.63, 0.02, -0.14)), "body": ("bone", (0, 1.41, 0.1)),
     "L pole": ("bone", (0.9, 1.05, 1.5)), "hips": ("body", (0, 1.32, 0)), "belly": ("hips", (0, 1.64, -0.07)),
@@ -61,7 +61,7 @@ DOG: Points = _both({
 
 
 def odd_character(points: Points, names: dict[str, str] | None = None) -> Character:
-    """A small triangle at each joint, and soles that reach forward of the ankles; `names` renames joints."""
+    """Return a character with a triangle at each joint, and soles forward of the ankles; `names` renames joints."""
     order = list(points)
     parents = tuple(order.index(parent) if parent else -1 for parent, _ in points.values())
     where = np.array([place for _, place in points.values()], float)

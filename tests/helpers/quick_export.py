@@ -1,4 +1,4 @@
-"""torch's exporter takes seconds for a graph; its forerunner writes the same graphs at once, for tests of something else."""
+"""Fast export of graphs by torch's legacy exporter, for tests of other things: the current one takes seconds per graph."""
 
 import warnings
 from pathlib import Path
@@ -9,7 +9,7 @@ import torch
 
 
 def export_quickly(patch: pytest.MonkeyPatch) -> None:
-    """Let the forerunner write graphs for as long as `patch` lasts."""
+    """Use the legacy exporter while `patch` lasts."""
     export = torch.onnx.export
 
     def quickly(module: torch.nn.Module, example: tuple, path: str | Path, **options: Any) -> Any:
@@ -20,7 +20,7 @@ def export_quickly(patch: pytest.MonkeyPatch) -> None:
         torch.backends.mha.set_fastpath_enabled(False)  # has no symbol in ONNX
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # it says that it is the forerunner
+                warnings.simplefilter("ignore")  # a deprecation warning
                 return export(module, example, path, **options | {"dynamo": False, "dynamic_axes": axes})
         finally:
             torch.backends.mha.set_fastpath_enabled(fast)
@@ -29,7 +29,7 @@ def export_quickly(patch: pytest.MonkeyPatch) -> None:
 
 
 def export_motion_quickly(patch: pytest.MonkeyPatch) -> None:
-    """The same for the graph of the motion encoder alone, which is for evaluation and takes the longest."""
+    """Do the same only for the graph of the motion encoder, which takes longest and serves evaluation only."""
     from training.export import model
 
     export_motion = model._export_motion

@@ -1,4 +1,4 @@
-"""Networks that answer from memory what they were asked before: many tests begin with the same steps of the same walk."""
+"""Cache of network outputs: many tests begin with the same steps of the same walk."""
 
 import itertools
 from collections import OrderedDict
@@ -10,12 +10,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from onnxruntime import InferenceSession
 
-LARGE = 100_000  # bytes; folded weights are as large, and the same array from frame to frame
-MOST, MOST_LARGE = 30_000, 64  # of what is kept: answers have 2 KB, folded weights 2 MB
+LARGE = 100_000  # bytes; folded weights are this large, and the same array in every frame
+MOST, MOST_LARGE = 30_000, 64  # entries: outputs of 2 KB, folded weights of 2 MB
 
 
 class Kept(OrderedDict[Any, Any]):
-    """The newest entries alone."""
+    """A dictionary that keeps only the newest entries."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class Kept(OrderedDict[Any, Any]):
 
 
 class Memory:
-    """What graphs gave for which inputs."""
+    """Outputs of graphs by their inputs."""
 
     def __init__(self, run: Callable[..., list[Any]]) -> None:
         self._run = run
@@ -38,7 +38,7 @@ class Memory:
         self._numbers = itertools.count()
 
     def __call__(self, session: Any, path: Path, names: Any, feed: dict[str, np.ndarray]) -> list[np.ndarray]:
-        """In the place of `runtime.motion.model_files.run_graph`."""
+        """Replace `runtime.motion.model_files.run_graph`."""
         if not isinstance(session, InferenceSession):
             return self._run(session, path, names, feed)
         number = self._sessions.setdefault(session, next(self._numbers))

@@ -24,7 +24,7 @@ class CapsuleBody:
     triangles: np.ndarray
 
     def skin_matrices(self, pose: Pose) -> np.ndarray:
-        """Rest mesh to world `(31, 4, 4)`."""
+        """Return matrices from rest mesh to world `(31, 4, 4)`."""
         matrices = np.tile(np.eye(4, dtype=np.float32), (J, 1, 1))
         rotation = rotations.to_matrix(pose.world_rotations)
         matrices[:, :3, :3] = rotation
@@ -34,7 +34,7 @@ class CapsuleBody:
 
 
 def capsule_body() -> CapsuleBody:
-    """The stand-in character in the rest pose."""
+    """Return the stand-in character in the rest pose."""
     rest = SPORT_SKELETON.rest_positions
     positions, normals, colors, joints, triangles = [], [], [], [], []
     for child, parent in enumerate(SPORT_SKELETON.parents):
@@ -64,7 +64,7 @@ def capsule_body() -> CapsuleBody:
 
 
 def walking_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0, stride: float = 0.5) -> Pose:
-    """A step with hanging arms, the hips over the ground at x, z; left heel and toe in contact."""
+    """Return a step with hanging arms, hips above the ground at x, z; left heel and toe in contact."""
     local = rotations.identity((J,))
 
     def turn(name: str, axis: tuple[float, float, float], angle: float) -> None:
@@ -84,14 +84,14 @@ def walking_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0, stride: float
 
 
 def stairs() -> Terrain:
-    """Steps of 15 cm along +z over an edge that is one cell wide."""
+    """Return steps of 15 cm along +z, with edges one cell wide."""
     z = np.arange(201) * 0.1 - 10.0
     heights = 0.15 * np.clip(np.floor((z - 1.0) / 0.4), 0, 8)
     return Terrain("steps", np.tile(heights.astype(np.float32), (201, 1)), 0.1, (-10.0, -10.0))
 
 
 def hills(cell_m: float = 0.25, size_m: float = 30.0) -> Terrain:
-    """Smooth waves of half a metre."""
+    """Return smooth waves of half a metre."""
     axis = np.arange(round(size_m / cell_m) + 1) * cell_m - size_m / 2
     x, z = np.meshgrid(axis, axis, indexing="ij")
     heights = 0.4 * np.sin(0.6 * x) * np.cos(0.5 * z) + 0.1 * np.sin(1.3 * x + z)

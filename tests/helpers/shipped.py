@@ -1,4 +1,4 @@
-"""What ships, loaded once for every test of a process; a test that changes one of these loads its own."""
+"""Shipped assets, loaded once per test process; a test that modifies one must load its own."""
 
 from functools import cache
 
@@ -14,29 +14,29 @@ MANNEQUIN = asset_path("character/mannequin.glb")
 
 @cache
 def shipped_model() -> MotionModel:
-    """The network that the program begins with."""
+    """Return the default network of the program."""
     return load_model()
 
 
 @cache
 def shipped_prompter() -> Prompter:
-    """From words to the codes of `shipped_model()`."""
+    """Return the encoder of words to codes of `shipped_model()`."""
     return Prompter(shipped_model())
 
 
 @cache
 def shipped_encoder() -> TextEncoder:
-    """Embeddings of sentences."""
+    """Return the text encoder."""
     return TextEncoder()
 
 
 @cache
 def shipped_library() -> LibraryExpander:
-    """The prompt library."""
+    """Return the prompt library."""
     return LibraryExpander(shipped_encoder())
 
 
 @cache
 def mannequin() -> Character:
-    """The character that the program begins with."""
+    """Return the default character of the program."""
     return load_character(MANNEQUIN)

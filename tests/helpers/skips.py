@@ -1,4 +1,4 @@
-"""Hooks of pytest: tests that need torch are skipped without it, and the ids of what is skipped go into a file."""
+"""pytest hooks: skip tests that need torch without it, and write the ids of skipped tests to a file."""
 
 import importlib.util
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ HAS_TORCH = all(importlib.util.find_spec(name) for name in ("torch", "onnxscript
 
 
 class SkippedFile(pytest.File):
-    """Stands for a file of tests that is not imported, since it imports torch."""
+    """Replaces a test file that is not imported, because it imports torch."""
 
     def collect(self) -> Iterator[pytest.Item]:
         yield _SkippedTests.from_parent(self, name="needs_torch", nodeid=self.nodeid)
@@ -42,7 +42,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """`pytest @FILE` runs what the file of `--skipped` names."""
+    """Write the file of `--skipped`, whose tests `pytest @FILE` runs."""
     file = config.getoption("--skipped")
     if file is not None:
         skipped = {report.nodeid for report in terminalreporter.stats.get("skipped", ())}

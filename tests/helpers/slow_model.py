@@ -1,4 +1,4 @@
-"""A language model on loopback that thinks until a test lets it answer, and the application that asks it."""
+"""A language model on loopback that waits until a test lets it answer, and the application that uses it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ANSWER = PartDescriptions(*(f"{part} as the model says" for part in PART_NAMES))
 
 
 class Model(Endpoint):
-    """A chat completion endpoint that answers once `released`, with `status`; repeats the key in what it refuses."""
+    """A chat completion endpoint that answers with `status` once `released`; refusals repeat the key."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -45,14 +45,14 @@ class Model(Endpoint):
 
 @pytest.fixture
 def language_model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Model]:
-    """The endpoint, with a cache of its own."""
+    """Yield the endpoint, with a separate cache."""
     monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))
     with serving(Model(), monkeypatch) as server:
         yield server
 
 
 def load_model(directory: Any, terrain: Any, seed: int, gpt: Any) -> Loaded:
-    """The fake model with real workers."""
+    """Return the fake model with real workers."""
     from tests.helpers.viewer_fakes import FakeController, FakeEncoder, FakeLibrary
     from viewer.services import Loaded, open_expander
 
@@ -64,7 +64,7 @@ def load_model(directory: Any, terrain: Any, seed: int, gpt: Any) -> Loaded:
 
 @pytest.fixture
 def asking(start: Start, language_model: Model) -> Callable[[], App]:
-    """Opens the application as on a screen, with the language model chosen."""
+    """Return a function that opens the application as on a screen, with the language model selected."""
     from tests.helpers.app_driver import run_until
 
     def open_app() -> App:
@@ -79,6 +79,6 @@ def asking(start: Start, language_model: Model) -> Callable[[], App]:
 
 
 def source(app: App) -> tuple[str, str]:
-    """Prompt A and who answered it."""
+    """Return prompt A and the source of its answer."""
     answer = app.editor.session.live.prompt.a
     return answer.prompt, answer.source

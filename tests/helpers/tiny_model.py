@@ -12,7 +12,7 @@ from training.presets import preset
 
 
 def tiny_trained(seed: int = 7) -> Trained:
-    """Random weights and scales."""
+    """Return random weights and scales."""
     torch.manual_seed(seed)
     config = preset("tiny")
     schedule = Schedule.linear()

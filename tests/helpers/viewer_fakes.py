@@ -1,4 +1,4 @@
-"""Stand-ins for the motion model and its prompts: the application is tested without networks."""
+"""Fakes of the motion model and its prompts, to test the application without networks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SPEEDS = {Gait.WALK: 1.4, Gait.JOG: 3.0, Gait.CROUCH: 0.8, Gait.JUMP: 1.4}  # m/
 
 
 class FakeController:
-    """Slides the standing pose over the ground as the controls ask."""
+    """Slides the standing pose over the ground according to the controls."""
 
     def __init__(self, terrain: Terrain) -> None:
         self.terrain = terrain
@@ -78,7 +78,7 @@ class FakeController:
 
     def set_style(self, z: np.ndarray, transition_seconds: float) -> None:
         self.styles.append((z, transition_seconds))
-        self.styled_at_step = self.steps  # steps done before
+        self.styled_at_step = self.steps  # number of earlier steps
 
     def set_terrain(self, terrain: Terrain) -> None:
         self.terrain = terrain
@@ -91,7 +91,7 @@ class FakeController:
 
     @property
     def state(self) -> CharacterState:
-        """What a snapshot keeps: the place, and the steps done so far."""
+        """Return the state for a snapshot: position, and number of steps."""
         style = StyleBlend.constant(
             _WALKER.neutral, self.strength, lambda mix, like=None: _WALKER.fold_style(mix.codes[0], 1.0)
         )
@@ -108,7 +108,7 @@ class FakeController:
 
 
 class FakeLibrary:
-    """The prompt is repeated in each part; `near` is what every prompt is near to."""
+    """Repeats the prompt in each part; `near` is returned as nearest for every prompt."""
 
     near: tuple[tuple[str, float], ...] = (("waddling duck", 0.8), ("goose step", 0.4))
 
@@ -127,7 +127,7 @@ class FakeLibrary:
 
 
 class FakeEncoder:
-    """A code that depends on the words of its own part only: their length and their first character."""
+    """Encodes each part by its own words only: their length and first character."""
 
     def encode(self, descriptions: PartDescriptions) -> np.ndarray:
         return np.stack([self.code(words) for words in descriptions.as_tuple()])
@@ -143,7 +143,7 @@ class FakePrompts:
     def __init__(self, expander: Any) -> None:
         self.expander, self.encoder = expander, FakeEncoder()
         self.asked: list[str | PartDescriptions] = []
-        self.held = False  # no answer until it is False
+        self.held = False  # while true, there is no answer
         self._result: Any = None
 
     @property
@@ -182,7 +182,7 @@ class FakePrompts:
 
 
 class FakeRenderer:
-    """Remembers what it was asked to draw and clears the picture, if it is `drawn`."""
+    """Records draw requests, and clears the picture if `drawn`."""
 
     def __init__(self, ctx: Any, quality: str = "", drawn: bool = True) -> None:
         self.drawn = drawn
@@ -209,7 +209,7 @@ class FakeRenderer:
 
 
 class FakeCrowd:
-    """Fake controllers, stepped one after the other."""
+    """Fake controllers, stepped in sequence."""
 
     def __init__(self, members: list[Any]) -> None:
         self.members = members
@@ -226,7 +226,7 @@ class FakeCrowd:
 
 
 def fake_services(real_renderer: bool = False, drawn: bool = True) -> Services:
-    """Services with a fake model; terrains are real, character and renderer fake unless asked; see `FakeRenderer`."""
+    """Return services with a fake model, real terrains, and by default fake character and renderer; see `FakeRenderer`."""
     real = Services()
 
     def load_model(directory: Any, terrain: Terrain, seed: int, gpt: Any) -> Loaded:

@@ -1,4 +1,4 @@
-"""A synthetic walker for tests without a trained network: a gait on the SPORT skeleton, and a model made of it."""
+"""A synthetic walker for tests without a trained network: a gait on the SPORT skeleton, and a model that plays it."""
 
 from dataclasses import dataclass
 from functools import partialmethod
@@ -22,11 +22,11 @@ WALK_SPEED = STRIDE_M * 60 / CYCLE_FRAMES
 
 
 def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0, straight=False):
-    """Hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)` of a walk along +Z.
+    """Return hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of a walk along +Z.
 
     `drift` (m/s in x and z) is added to the root, so that feet skate; `speed_share` scales stride and speed. With a
-    terrain the hips follow its height smoothed over a metre; the feet know nothing of it. `straight`: the hips vault
-    over the standing leg, which is as straight as in capture (3 degrees) from heel strike to mid-stance.
+    terrain the hips follow its height smoothed over a metre; the feet ignore it. `straight`: the hips vault over the
+    standing leg, which is as straight as in capture (3 degrees) from heel strike to mid-stance.
     """
     t = np.arange(frames) / CYCLE_FRAMES
     z = STRIDE_M * speed_share * t
@@ -60,7 +60,7 @@ def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0, straight=False
 
 
 def _vault(z, ankles):
-    """Heights of hips `(T,)` that walk at `z` over ankles `(T, 2, 3)`: as high as both legs let them, rounded off."""
+    """Return heights of hips `(T,)` at `z` over ankles `(T, 2, 3)`: the highest within reach of both legs, smoothed."""
     _, down, ahead = SPORT_SKELETON.offsets[2]
     thigh, shin = (float(np.linalg.norm(SPORT_SKELETON.offsets[j])) for j in (3, 4))
     across = ankles[:, :, 2] - z[:, None] - ahead
@@ -71,9 +71,9 @@ def _vault(z, ankles):
 
 @dataclass(eq=False)
 class WalkerModel:
-    """Has the interface of `runtime.motion.model.MotionModel`, follows its trajectory input and cycles the walk.
+    """Cycles the walk along its trajectory input, with the interface of `runtime.motion.model.MotionModel`.
 
-    `style` tilts the head, so that another Z^t gives another motion; `broken_at` makes that frame not finite.
+    `style` tilts the head, so that another Z^t gives another motion; frame `broken_at` is not finite.
     """
 
     broken_at: int = -1
@@ -97,7 +97,7 @@ class WalkerModel:
         self.metadata = {"start": {"output": output, "phase": phase.ravel().tolist()}, "name": self.name}
 
     def crosses(self, obstacle):
-        """Never."""
+        """Return False."""
         return False
 
     def fold_style(self, z, strength=1.0):
@@ -111,7 +111,7 @@ class WalkerModel:
         self.frame += 1
         ahead = x[0, features.INPUT["trajectory_positions"]].reshape(features.L, 2)
         facing = x[0, features.INPUT["trajectory_directions"]].reshape(features.L, 2)
-        velocity = (ahead[8] - ahead[6]) * 3.0  # 20 frames on
+        velocity = (ahead[8] - ahead[6]) * 3.0  # 20 frames ahead
         turn = np.arctan2(*facing[8]) * 3.0
         y = self._y(self.frame, velocity, turn, float(style.z.mean()) + 1e-4 * float(noise.mean()))
         if self.frame == self.broken_at:
@@ -138,7 +138,7 @@ class WalkerModel:
 
 
 class OtherStyles:
-    """A stand-in for the prompt encoder: another prompt, another Z^t."""
+    """A fake prompt encoder: different prompts give different Z^t."""
 
     def style(self, prompt, exact_legs):
         code = np.full((6, 64), (sum(map(ord, prompt)) % 100) / 200.0, np.float32)
@@ -146,12 +146,12 @@ class OtherStyles:
 
 
 def settle_soon(patch):
-    """Characters come to rest for a tenth of a second in place of two before they are shown."""
+    """Let characters settle for a tenth of a second, instead of two, before they are shown."""
     patch.setattr(Controller, "settle", partialmethod(Controller.settle, seconds=0.1))
 
 
 def generate_by_walker(patch, prompter=lambda *_: OtherStyles()):
-    """`generate_clip` and its command make clips by the synthetic walker, in styles of the stand-in."""
+    """Let `generate_clip` and its command use the synthetic walker, in styles of the fake encoder."""
     patch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
     patch.setattr(runtime.generate, "Prompter", prompter)
     settle_soon(patch)

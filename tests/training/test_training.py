@@ -7,7 +7,7 @@ import torch
 from runtime.motion import features
 from runtime.motion.features import INPUT, OUTPUT
 from runtime.skeleton import REST_HIPS_HEIGHT
-from tests.helpers.synthetic_clips import LENGTH, SPEED, write_clip
+from tests.helpers.synthetic_clips import LENGTH_FRAMES, SPEED_M_PER_S, write_clip
 from training.batches import FrameTensors
 from training.frames import clip_frames, load_frames
 from training.rollouts import RolloutLanes
@@ -40,14 +40,14 @@ def frames(small_table) -> FrameTensors:
 @pytest.mark.parametrize("name", ["a", "b"])
 def test_root_relative_features_do_not_know_where_the_clip_heads(clips, name):
     frames = clip_frames(clips / f"{name}.npz")
-    middle = LENGTH // 2
+    middle = LENGTH_FRAMES // 2
     y = features.split_output(frames.y[middle].astype(np.float32))
-    assert y.root == pytest.approx([0.0, SPEED, 0.0], abs=5e-3)
-    assert y.trajectory_positions[-1] == pytest.approx([0.0, SPEED * 50 / 60], abs=5e-3)
+    assert y.root == pytest.approx([0.0, SPEED_M_PER_S, 0.0], abs=5e-3)
+    assert y.trajectory_positions[-1] == pytest.approx([0.0, SPEED_M_PER_S * 50 / 60], abs=5e-3)
     path = frames.x[middle].astype(np.float32)[INPUT["trajectory_positions"]].reshape(12, 2)
-    assert path[:, 1] == pytest.approx(SPEED * features.TRAJECTORY_OFFSETS / 60, abs=5e-3)
+    assert path[:, 1] == pytest.approx(SPEED_M_PER_S * features.TRAJECTORY_OFFSETS / 60, abs=5e-3)
     assert y.joint_positions[0] == pytest.approx([0.0, REST_HIPS_HEIGHT, 0.0], abs=5e-3)
-    assert np.linalg.norm(y.joint_velocities[0]) == pytest.approx(SPEED, abs=5e-3)
+    assert np.linalg.norm(y.joint_velocities[0]) == pytest.approx(SPEED_M_PER_S, abs=5e-3)
 
 
 def test_next_input_holds_the_pose_of_this_output(clips):
@@ -59,10 +59,10 @@ def test_next_input_holds_the_pose_of_this_output(clips):
 
 def test_heights_are_relative_to_the_mean_ground_of_the_window(clips):
     frames = clip_frames(clips / "c.npz")
-    middle = LENGTH // 2
+    middle = LENGTH_FRAMES // 2
     heights = frames.heights[middle, 0].astype(np.float32).reshape(12, 3)
     assert heights[:, 1].mean() == pytest.approx(0.0, abs=2e-3)
-    run = SPEED * 10 / 60
+    run = SPEED_M_PER_S * 10 / 60
     assert np.diff(heights[:, 1]) == pytest.approx(np.full(11, 0.2 * run), abs=3e-3)
 
 

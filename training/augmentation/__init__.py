@@ -1,1 +1,1 @@
-"""Widening the captured styles: parametric edits of body parts with exact descriptions, and parts of other styles."""
+"""Data augmentation of captured styles: parametric edits of body parts, with exact descriptions."""

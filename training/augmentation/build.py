@@ -25,7 +25,7 @@ from runtime.errors import run_command
 from runtime.motion import features
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
-from training.arguments import COUNT
+from training.arguments import LAYERED_CLIPS
 from training.augmentation import recipes
 from training.augmentation.catalogue import PartEdit, part_edits
 from training.augmentation.edits import apply
@@ -44,19 +44,19 @@ log = logging.getLogger("sport.train")
 CLIP_S = (4.0, 7.0)
 PARAPHRASES = 4
 LAYERS = "layers.json"
-_MADE = "layers.jsonl"  # of a build that has not come to its end: a line for each clip
-LEVEL_M = 0.015  # ground under all contacts of a floor
-BASES_FRACTION = 0.6  # of the clips, in which legs alone are edited: all else comes in training
-WALKED_FRACTION = 0.5  # of a clip's frames that walk, for edits of steps
-TRIES = 30  # clips drawn for edits that do not suit every one
-FORWARD_FRACTION = 0.8  # of a path that goes where the body faces
-LEAST_M_PER_S = 0.3  # of one that walks
+_MADE = "layers.jsonl"  # of an unfinished build: one line per clip
+LEVEL_M = 0.015  # largest ground height at contacts that counts as a level floor
+BASES_FRACTION = 0.6  # of the clips, with edits of legs only: the rest is composed in training
+WALKED_FRACTION = 0.5  # of a clip's frames that must be walking, for edits of steps
+TRIES = 30  # number of clips drawn for edits that do not fit every clip
+FORWARD_FRACTION = 0.8  # of a path that must lead where the body faces
+MIN_M_PER_S = 0.3  # mean speed of a walk
 
 
 def build_layer(
     pool: Pool, styles: dict[str, dict], name: str, random: np.random.Generator
 ) -> tuple[TrainingClip, dict[str, object]] | None:
-    """One edited clip and its entry of `layers.json`; None when no clip was found that shows the drawn edits."""
+    """Build an edited clip and its entry of `layers.json`; None if no clip is found that can show the drawn edits."""
     source, motion = _piece(pool, NEUTRAL_FRACTION, random)
     texts = _style_texts(styles, source, random)
     standing = bool(np.asarray(motion.gait)[:, Gait.STAND].mean() > 0.5)
@@ -98,7 +98,7 @@ def build_layer(
 def _describe(
     edit: PartEdit, texts: dict[str, list[str]], keys: dict[str, str], random: np.random.Generator
 ) -> None:
-    """Put the edit's sentences and its key in place of the style's, or next to those of an edit before it."""
+    """Replace the style's sentences and keys by the edit's, or combine them with those of an earlier edit, in place."""
     for part, phrases in edit.phrases.items():
         order = random.permutation(max(len(phrases), 4)) % len(phrases)
         own = [phrases[int(k)] for k in order]
@@ -108,7 +108,7 @@ def _describe(
 
 
 def _both(part: str, ones: list[str], others: list[str], random: np.random.Generator) -> list[str]:
-    """Sentences that say what both of two edits do, in either order."""
+    """Return sentences that combine those of two edits, in either order."""
     pairs = [
         (one, other) if random.random() < 0.5 else (other, one)
         for one, other in zip(ones, others, strict=False)
@@ -117,7 +117,7 @@ def _both(part: str, ones: list[str], others: list[str], random: np.random.Gener
 
 
 def _piece(pool: Pool, neutral: float, random: np.random.Generator) -> tuple[Source, EditedMotion]:
-    """A drawn clip, neutral with the given chance, and some seconds of it."""
+    """Draw a clip, neutral with the given probability, and some seconds of it."""
     source = pool.draw(random, neutral)
     frames = int(random.uniform(*CLIP_S) * features.FPS)
     length = len(source.motion.hips)
@@ -128,7 +128,7 @@ def _piece(pool: Pool, neutral: float, random: np.random.Generator) -> tuple[Sou
 def _style_texts(
     styles: dict[str, dict], source: Source, random: np.random.Generator
 ) -> dict[str, list[str]]:
-    """Descriptions of a captured style, by part, each in an order of its own."""
+    """Return the descriptions of a captured style by part, shuffled separately for each part."""
     descriptions = [PartDescriptions.from_mapping(d) for d in styles[source.style]["descriptions"]]
     if source.mirrored:
         descriptions = [d.mirrored() for d in descriptions]
@@ -137,7 +137,7 @@ def _style_texts(
 
 
 def _suits(source: Source, motion: EditedMotion, edits: list[PartEdit]) -> bool:
-    """Whether edits can show: an arm that does not swing in its style cannot swing more, feet move on a floor only."""
+    """Return whether edits can be visible: scaled swings need a neutral style, edits of feet a walk on a floor."""
     walked = np.asarray(source.motion.gait)[:, Gait.WALK].mean()
     if any(e.does.scales for e in edits) and not source.style.startswith("neutral"):
         return False
@@ -149,14 +149,14 @@ def _suits(source: Source, motion: EditedMotion, edits: list[PartEdit]) -> bool:
 def _suitable(
     pool: Pool, edits: list[PartEdit], random: np.random.Generator
 ) -> tuple[Source, EditedMotion] | None:
-    """Another clip and a piece of it that suit the edits; None after `TRIES` draws."""
+    """Draw another clip and a piece of it that suit the edits; None after `TRIES` draws."""
     neutral = 1.0 if any(e.does.scales for e in edits) else NEUTRAL_FRACTION
     pieces = (_piece(pool, neutral, random) for _ in range(TRIES))
     return next((piece for piece in pieces if _suits(*piece, edits)), None)
 
 
 def walks_on_a_floor(motion: EditedMotion) -> bool:
-    """Return whether a motion goes forward on level ground, so that its feet may be put elsewhere."""
+    """Return whether a motion walks forward on level ground, so that its feet can be moved."""
     feet = motion.joints[0][:, FOOT_JOINTS]
     ground = motion.ground.height(feet[..., 0], feet[..., 2])
     standing = motion.contacts.astype(bool)
@@ -166,21 +166,21 @@ def walks_on_a_floor(motion: EditedMotion) -> bool:
     along = np.sum(step * motion.axes.ahead[1:], axis=1)
     gone = np.linalg.norm(step[:, [0, 2]], axis=1)
     return bool(
-        gone.sum() > LEAST_M_PER_S * len(gone) / features.FPS and along.sum() > FORWARD_FRACTION * gone.sum()
+        gone.sum() > MIN_M_PER_S * len(gone) / features.FPS and along.sum() > FORWARD_FRACTION * gone.sum()
     )
 
 
 def _ground(
     source: Source, motion: EditedMotion, edits: list[PartEdit], random: np.random.Generator
 ) -> Patches:
-    """The clip's own ground; relief around the steps of feet that were put elsewhere."""
+    """Return the clip's own ground, or new relief around the footsteps if feet were moved."""
     if any(e.does.moves_feet for e in edits):
         return relief.fit_around_steps(motion.joints[0], motion.contacts, random)
     return _near(source.patches, motion.hips)
 
 
 def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:
-    """The part of the ground within `margin` metres of the path."""
+    """Crop the ground to within `margin` metres of the path."""
     _count, n, m = patches.heights.shape
     if n <= 2:
         return patches
@@ -195,9 +195,9 @@ def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:
 def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str, dict]:
     """Write `count` layered clips and `layers.json` into `out`, on all cores; returns the entries by clip name.
 
-    Each has random numbers of its own, so that a build that was interrupted goes on to the same clips.
+    Each has its own random seed, so that an interrupted build resumes with the same clips.
     """
-    _sources(clips)  # read once, for all processes
+    _sources(clips)  # cached before the worker processes start
     out.mkdir(parents=True, exist_ok=True)
     made = out / _MADE
     entries = _made_so_far(made)
@@ -215,7 +215,7 @@ def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str,
 
 
 def _made_so_far(path: Path) -> dict[str, dict]:
-    """The entries of an interrupted build; a last line that was cut off does not count."""
+    """Read the entries of an interrupted build; an incomplete last line is ignored."""
     if not path.exists():
         return {}
     whole = [line for line in path.read_text("utf-8").splitlines(keepends=True) if line.endswith("\n")]
@@ -229,7 +229,7 @@ def _sources(clips: Path) -> tuple[Pool, dict[str, dict]]:
 
 
 def _one_layer(clips: Path, out: Path, seed: int, number: int) -> tuple[str, dict[str, object]]:
-    """Write a layered clip into `out`; its name and entry."""
+    """Write a layered clip into `out`; returns its name and entry."""
     random, (pool, styles) = np.random.default_rng([seed, number]), _sources(clips)
     while True:
         built = build_layer(pool, styles, f"layer_{number:05d}", random)
@@ -239,7 +239,7 @@ def _one_layer(clips: Path, out: Path, seed: int, number: int) -> tuple[str, dic
 
 
 def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
-    """A report as Markdown: how many styles are captured, which edits were made, and how often."""
+    """Return a Markdown report: number of captured styles, and how often each edit occurs."""
     edits = Counter(e for entry in entries.values() for e in entry["edits"])
     combinations = {tuple(e["keys"]) for e in entries.values()}
     catalogue = part_edits()
@@ -260,13 +260,13 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
 
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description="Edit parts of clips by numbers.")
+    parser = argparse.ArgumentParser(description="Make clips with parametric edits of body parts.")
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips (*.npz)")
     parser.add_argument("--out", type=Path, help="folder to write (default: the same)")
-    parser.add_argument("--count", type=int, default=COUNT)
+    parser.add_argument("--count", type=int, default=LAYERED_CLIPS)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
-        "--report", type=Path, help="Markdown file to write; existing layers are only counted"
+        "--report", type=Path, help="Markdown report to write; existing layers are not made again"
     )
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")

@@ -1,4 +1,4 @@
-"""The catalogue of part edits, read from `edits.toml`: what each does, in numbers, and the sentences that describe it."""
+"""The catalogue of part edits, read from `edits.toml`: parameters of each edit and the sentences that describe it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OTHER_LEG = {"left_leg": "right_leg", "right_leg": "left_leg"}
 class PartEdit(Edit):
     """One edit. `phrases` `{part: sentences}` describe every part it changes.
 
-    Two edits of one clip never describe the same part. `measure` (part, name in `runtime.measures.table`) shows the edit.
+    Two edits of one clip never describe the same part. `measure` (part, name in `runtime.measures.table`) quantifies it.
     """
 
     name: str
@@ -31,13 +31,13 @@ class PartEdit(Edit):
 
     @property
     def shown_by(self) -> Measure:
-        """The row of `measure`."""
+        """The table row of `measure`."""
         part, name = self.measure
         return measures_of(part)[name]
 
     @property
     def does(self) -> Kind:
-        """What edits of its kind do."""
+        """The properties of its kind."""
         return KINDS[self.kind]
 
     @property
@@ -48,10 +48,10 @@ class PartEdit(Edit):
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Edits by name, which of them never enter training, and words for the text network.
+    """Edits by name, the held-out ones, and further words for the text network.
 
-    `held_out_pairs` are two edits by their common words, each trained alone and never both at once. `clauses`
-    `{when: {part kind: clauses}}` add nothing to a sentence; `other_words` `{(edit, part): sentences}`.
+    `held_out_pairs` are pairs of edits that are trained separately but never together. `clauses` `{when: {part kind:
+    clauses}}` do not change the meaning of a sentence; `other_words` `{(edit, part): sentences}` are synonyms.
     """
 
     edits: dict[str, PartEdit]
@@ -62,23 +62,23 @@ class Catalogue:
 
     @property
     def trained(self) -> list[PartEdit]:
-        """Every edit that training may show."""
+        """Return all edits that are not held out."""
         return [edit for name, edit in self.edits.items() if name not in self.held_out]
 
 
 @cache
 def catalogue() -> Catalogue:
-    """The project's own."""
+    """Return the catalogue of the project."""
     return load_catalogue(_PATH)
 
 
 def part_edits() -> dict[str, PartEdit]:
-    """The edits of the project's own catalogue, by name."""
+    """Return the edits of the project's catalogue by name."""
     return catalogue().edits
 
 
 def edits_of_key(key: str) -> list[PartEdit]:
-    """The edits that a key names, each with or without the part that its words describe; none for a style."""
+    """Return the edits in a key, whose names may end with the described part; none for a style."""
     names = [".".join(name.split(".")[:2]) for name in key.split("+")]
     return [part_edits()[name] for name in names if name in part_edits()]
 
@@ -134,7 +134,7 @@ def _edit(slot: str, name: str, entry: dict[str, Any]) -> PartEdit:
 
 
 def _other_words(table: dict[str, list[str]]) -> Iterator[tuple[tuple[str, str], tuple[str, ...]]]:
-    """Those of head and torso, then those of the legs for either side."""
+    """Yield alternative words of head and torso, then of the legs for either side."""
     for name, sentences in table.items():
         slot = name.split(".")[0]
         if slot in ("head", "torso"):

@@ -1,6 +1,6 @@
-"""Every kind of part edit: a motion, the edit's numbers and a random generator in, the edited motion out.
+"""All kinds of part edits, as functions of a motion, the edit's parameters and a random generator.
 
-Edits are varied a little by the generator in strength and place. The order of their draws is part of the data.
+The generator varies strength and position slightly. The order of its draws must not change: it determines the data.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from training.frames import smooth
 
 _AT = SPORT_SKELETON.index
 _FRAME_JOINT = {"hips": "Hips", "chest": "Spine1", "head": "Head"}
-_CHAIN = {0: 0.4, 11: 0.6, 12: 0.8, 13: 1.0}  # of a lean, taken by hips, lower back, spine, chest
+_CHAIN = {0: 0.4, 11: 0.6, 12: 0.8, 13: 1.0}  # cumulative fractions of a lean: hips, lower back, spine, chest
 _ROCKING = {0: 0.35, 11: 0.6, 12: 0.8, 13: 1.0}
 _SPINE_ONLY = {11: 0.25, 12: 0.6, 13: 1.0}
 _ROUNDED = {11: -0.35, 12: 0.25, 13: 1.0}
@@ -51,33 +51,33 @@ _NECK = {14: 0.35, 15: 0.7, 16: 1.0}
 _ARMS_FRACTION, _HEAD_FRACTION = (
     0.35,
     0.3,
-)  # arms keep hanging and eyes keep looking ahead when a torso leans
-_TIPTOE_RISE_M = 0.055  # of the hips
-_HEEL_BEHIND_M = 0.05  # of the ankle
-_SETTLING_FRAMES = 60  # in which the runtime's edit of legs comes into force
-_PAUSE_SIGMA_FRAMES = 2.5  # of the capture, over which a pause is spread
-_MAX_RISE_M = 0.06  # of the hips for short steps
-_VARIATION_GONE_FRACTION = 0.7  # of the stance width, where an edit sets it
+)  # of the torso's lean: arms keep hanging and eyes keep looking ahead
+_TIPTOE_RISE_M = 0.055  # rise of the hips
+_HEEL_BEHIND_M = 0.05  # from the ankle backwards
+_SETTLING_FRAMES = 60  # until the runtime's edit of legs has its full effect
+_PAUSE_SIGMA_FRAMES = 2.5  # of the Gaussian that spreads a pause over time
+_MAX_RISE_M = 0.06  # of the hips, for short steps
+_VARIATION_GONE_FRACTION = 0.7  # part of the variation of stance width that an edit of it removes
 _IN_STEP_LENGTH_FRACTION = (
-    0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
+    0.6  # part of an unequal step rate that becomes unequal step length; the rest is uneven speed
 )
 _SPINE_M = 0.23  # from the hips to the chest
-_CHEST_STAYS_FRACTION = 0.6  # of what the hips sway more: the chest stays behind, level
+_CHEST_STAYS_FRACTION = 0.6  # part of the added hip sway that the chest does not follow
 
 
 def apply(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
-    """The motion with one edit, a little varied by `random` in strength and place; rhythm may change its length."""
+    """Apply one edit, slightly varied by `random` in strength and position; edits of rhythm may change the length."""
     return KINDS[edit.kind].apply(motion, edit, random)
 
 
 def _beat(motion: EditedMotion, cycles: float, random: np.random.Generator) -> Array:
-    """Oscillation `(T,)` of so many `cycles` per stride, in step but for a little lag."""
+    """Return an oscillation `(T,)` of `cycles` per stride, in phase with the steps up to a small random lag."""
     size = random.normal(1.0, 0.06)
     return size * np.sin(2 * np.pi * (cycles * motion.step_phase + 0.08 * random.random()))
 
 
 def _side_beat(motion: EditedMotion) -> Array:
-    """Oscillation `(T,)` once a stride, highest while the left foot carries."""
+    """Return an oscillation `(T,)` once per stride, highest while the left foot bears the weight."""
     return np.sin(2 * np.pi * (motion.step_phase + 0.05))
 
 
@@ -85,7 +85,7 @@ def _side_beat(motion: EditedMotion) -> Array:
 
 
 def _with_limbs(chain: dict[int, float], arms: float, head: float) -> dict[int, float]:
-    """Fractions of a turn for the joints of `chain`, all of both arms, and neck and head."""
+    """Return the fraction of a rotation for each joint of `chain`, of both arms, and of neck and head."""
     fractions = chain | dict.fromkeys((*PART_JOINTS["left_arm"], *PART_JOINTS["right_arm"]), arms)
     return fractions | dict.fromkeys(PART_JOINTS["head"], head)
 
@@ -109,7 +109,7 @@ def _lean(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edit
 
 
 def _turned(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
-    """The torso turned by its angles, held or in step."""
+    """Turn the torso by its angles, constant or oscillating with the steps."""
     fractions, deviation, beat = _TURNS[edit.kind]
     amount, times = random.normal(1.0, deviation), beat(motion)
     angles = (edit.size(name) * amount * times for name in ("pitch", "yaw", "roll"))
@@ -207,7 +207,7 @@ def _placed_foot(
     down: NDArray[np.bool_],
     sign: float,
 ) -> tuple[Array, Array]:
-    """Ankle `(T, 3)` and rotation `(T, 4)` of a foot by the numbers `p`; `leg` is ankle, toe and rotation."""
+    """Return ankle `(T, 3)` and rotation `(T, 4)` of a foot for parameters `p`; `leg` is ankle, toe and rotation."""
     ankle, toe, foot = leg[0].copy(), leg[1], leg[2].copy()
     if "lift" in p:
         ankle[:, 1] += p["lift"] * gait.over_swings(down, gait.hill)
@@ -220,7 +220,7 @@ def _placed_foot(
         ankle[:, 1] += motion.ground.height(ankle[:, 0], ankle[:, 2]) - before
     if "toe_out" in p:
         foot = rotations.multiply(rotations.from_yaw(np.radians(sign * p["toe_out"])), foot)
-    if "toe_up" in p:  # about the heel, which is where the foot stands
+    if "toe_up" in p:  # about the heel, on which the foot stands
         turn = rotations.from_axis_angle(rotations.rotate(foot, LEFT), np.radians(-p["toe_up"]))
         from_heel = rotations.rotate(foot, np.array([0.0, ANKLE_HEIGHT, _HEEL_BEHIND_M]))
         return ankle - from_heel + rotations.rotate(turn, from_heel), rotations.multiply(turn, foot)
@@ -230,7 +230,7 @@ def _placed_foot(
 
 
 def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
-    """What the runtime does where a walk lacks what is said of its legs, frame by frame."""
+    """Apply the runtime's edit of knee flexion frame by frame."""
     knee = edit.amount("knee", random, 0.07)
     ankles, _, feet = motion.feet()
     shown = [[[0.0, 0.0, 0.0] for _ in LEG] for _ in SIDES]
@@ -250,12 +250,12 @@ def _stiff(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
     return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
 
 
-# --- Steps: where and when a body goes --------------------------------------------------------------------------------
+# --- Steps: path and timing -------------------------------------------------------------------------------------------
 
 
 def _steps(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
     length, cadence = edit.factor("length", random), edit.factor("cadence", random)
-    if length > 1.0:  # the pelvis turns as much more: a leg alone is too short for a long stride
+    if length > 1.0:  # the pelvis turns more in proportion: legs alone are too short for a long stride
         yaw = motion.hips_turn() * np.array([0.0, length - 1.0, 0.0])
         motion = turn_joints(motion, rotations.rotate(motion.axes.facing, yaw), {0: 1.0})
     if length != 1.0:
@@ -265,7 +265,7 @@ def _steps(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> Edi
 
 
 def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
-    """`after` with its hips raised so far that the legs that stand are as long as in `before`: short steps, high hips."""
+    """Raise the hips of `after` until supporting legs are as extended as in `before`: short steps need higher hips."""
     room = np.full((len(after.hips), 2), np.inf)
     for column in range(2):
         old, new = (
@@ -284,7 +284,7 @@ def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
 
 
 def _line(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
-    """Steps vary about the wanted place a third as much as in the capture."""
+    """Move footsteps to a line; their variation about it is a third of the capture's."""
     wanted = float(edit.parameters["outward"]) + 0.006 * random.normal()
     left = motion.axes.left[:, None]
     out = np.sum((motion.feet()[0] - motion.path[:, None]) * left, axis=-1)
@@ -317,7 +317,7 @@ def _hesitation(motion: EditedMotion, edit: Edit, random: np.random.Generator) -
 
 
 def _stagger(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> EditedMotion:
-    """The course leaves its line in slow waves, footprints scatter, the torso follows late, the rate is uneven."""
+    """Stagger: the path meanders slowly, footsteps scatter, the torso lags, and the step rate is uneven."""
     seconds = np.arange(len(motion.hips)) / FPS
     slow, quick = random.uniform(2.6, 3.6), random.uniform(1.5, 2.0)
     turn = 2 * np.pi * random.random(2)
@@ -334,11 +334,11 @@ def _stagger(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> E
     return at_rate(rolled, uneven)
 
 
-# --- Within a gait cycle: steps stay where they are -------------------------------------------------------------------
+# --- Within a gait cycle: footsteps unchanged -------------------------------------------------------------------------
 
 
 def _bobbing(motion: EditedMotion, scale: float) -> EditedMotion:
-    """The hips' rise and fall scaled. Their highest stays where it is, or sinks: legs grow no longer."""
+    """Scale the vertical motion of the hips. Their highest point is kept or lowered, as legs cannot become longer."""
     away = (motion.hips - motion.path)[:, 1]
     top = motion.cycle_mean(np.maximum(away, 0.0)[:, None])[:, 0] * 2.0
     return raised(motion, (scale - 1.0) * away - abs(scale - 1.0) * top)
@@ -404,10 +404,10 @@ def _landing(motion: EditedMotion, edit: Edit, random: np.random.Generator) -> E
 
 @dataclass(frozen=True)
 class Kind:
-    """What edits of a kind do, and the parameters that they may have.
+    """A kind of edit, with its allowed parameters.
 
-    A kind `moves_feet` that puts them elsewhere on the ground, or changes the length of a clip; it is `of_steps` if of rhythm and
-    weight, which show in walking only; it `scales` what a captured motion does, so that a body which does not do it shows nothing.
+    `moves_feet`: it changes footsteps, or the length of a clip. `of_steps`: it edits rhythm and weight, visible only in
+    walking. `scales`: it scales captured movement, so it has no effect on a body without that movement.
     """
 
     apply: Callable[[EditedMotion, Edit, np.random.Generator], EditedMotion]

@@ -1,4 +1,4 @@
-"""When feet stand and swing, the phase of a stride, curves over swings and means over a gait cycle, from contacts."""
+"""Gait timing from contacts: stances and swings, stride phase, curves over swings, and means over a gait cycle."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from runtime.motion.features import FPS
 from training.data.foot_cleaning import stretches
 from training.frames import smooth
 
-_DEEPEST_FRAMES = 6.0  # frames from a landing to the deepest of a knee that gives
-USUAL_CYCLE_FRAMES = 66  # frames, where there are too few landings to tell
+_DEEPEST_FRAMES = 6.0  # from a landing to the deepest knee flexion
+USUAL_CYCLE_FRAMES = 66  # used if there are too few landings
 
 
 def left_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
-    """Frames where the left foot comes down, from contacts `(T, 4)`."""
+    """Return the frames where the left foot lands, from contacts `(T, 4)`."""
     return landings(np.asarray(contacts[:, :2].any(1)))
 
 
 def right_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
-    """Frames where the right foot comes down."""
+    """Return the frames where the right foot lands."""
     return landings(np.asarray(contacts[:, 2:].any(1)))
 
 
 def all_landings(contacts: NDArray[np.uint8]) -> NDArray[np.intp]:
-    """Frames where the left foot comes down, then those of the right one."""
+    """Return the frames where the left foot lands, then those of the right foot."""
     return np.concatenate([left_landings(contacts), right_landings(contacts)])
 
 
 def step_phase(contacts: NDArray[np.uint8]) -> Array:
-    """Cycles `(T,)` that are whole where the left foot lands; 0.8 Hz where there are fewer than three landings."""
+    """Return gait cycles `(T,)`, integer where the left foot lands; at 0.8 Hz if there are fewer than three landings."""
     landings = left_landings(contacts)
     time = np.arange(len(contacts), dtype=np.float64)
     if len(landings) < 3:
@@ -47,13 +47,13 @@ def step_phase(contacts: NDArray[np.uint8]) -> Array:
 
 
 def cycle_frames(contacts: NDArray[np.uint8]) -> int:
-    """Frames of a gait cycle: the median from one landing of a foot to its next."""
+    """Return the length of a gait cycle: the median time between landings of the same foot."""
     gaps = np.concatenate([np.diff(left_landings(contacts)), np.diff(right_landings(contacts))])
     return int(np.clip(np.median(gaps), 20, 150)) if len(gaps) else USUAL_CYCLE_FRAMES
 
 
 def cycle_mean(values: Array, frames: int) -> Array:
-    """Mean `(T, n)` of values `(T, n)` over a cycle around every frame; the ends go on as they repeat and drift."""
+    """Return the mean of values `(T, n)` over a cycle around every frame; ends are extrapolated periodically with drift."""
     half = frames // 2
     if len(values) < frames + 2:
         return np.broadcast_to(values.mean(0), values.shape).copy()
@@ -64,12 +64,12 @@ def cycle_mean(values: Array, frames: int) -> Array:
 
 
 def swings(down: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Intervals of at least eight frames in which a foot is in the air."""
+    """Return intervals of at least eight frames in which a foot is in the air."""
     return [(a, b) for a, b in stretches(~down) if b - a >= 8]
 
 
 def over_swings(down: NDArray[np.bool_], curve: Callable[[Array, int], Array]) -> Array:
-    """`curve(time, frames)` `(T,)` over every swing, 0 in stance; `time` runs from 0 to `frames`."""
+    """Evaluate `curve(time, frames)` over every swing, 0 in stance, `(T,)`; `time` runs from 0 to `frames`."""
     result = np.zeros(len(down))
     for a, b in swings(down):
         result[a:b] = curve(np.arange(a, b) - a + 0.5, b - a)
@@ -77,29 +77,29 @@ def over_swings(down: NDArray[np.bool_], curve: Callable[[Array, int], Array]) -
 
 
 def hill(time: Array, frames: int) -> Array:
-    """A smooth hill of height 1."""
+    """Return a smooth hill of height 1."""
     return np.sin(np.pi * time / frames) ** 2
 
 
 def plateau(time: Array, frames: int) -> Array:
-    """One, risen to over the first quarter and falling over the last."""
+    """Return a curve that rises to 1 in the first quarter and falls in the last."""
     t = time / frames
     return smoothstep(np.minimum(t / 0.25, (1.0 - t) / 0.25))
 
 
 def late_hill(time: Array, frames: int) -> Array:
-    """A hill of height 1 that is highest after two thirds and ends steeply."""
+    """Return a hill of height 1 with its maximum at two thirds and a steep end."""
     t = time / frames
     return t**2 * (1.0 - t) / (4.0 / 27.0)
 
 
 def early_rise(time: Array, frames: int) -> Array:
-    """Nothing in the first third, one from two thirds on."""
+    """Return a curve that is 0 in the first third and 1 from two thirds on."""
     return smoothstep((time / frames - 0.3) / 0.35)
 
 
 def height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
-    """Height of a swinging foot above the line between its lift-off and its landing."""
+    """Return the height of a swinging foot above the line from lift-off to landing."""
     result = np.zeros(len(height))
     for a, b in swings(down):
         line = np.linspace(height[max(a - 1, 0)], height[min(b, len(height) - 1)], b - a)
@@ -108,7 +108,7 @@ def height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
 
 
 def held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
-    """`values` `(T, n)` made constant while the foot stands, so that a planted foot does not slide with the facing."""
+    """Make `values` `(T, n)` constant in each stance, so that a planted foot does not slide with the facing."""
     held = values.copy()
     found = swings(down)
     bounds = [0, *[t for s in found for t in s], len(values)]
@@ -123,13 +123,13 @@ def held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
 
 
 def per_stance(standing: NDArray[np.bool_], random: np.random.Generator) -> Array:
-    """One number of unit deviation for every stance, `(T,)`."""
+    """Return a normal random number per stance, `(T,)`."""
     number = np.cumsum(np.diff(standing.astype(int), prepend=0) == 1)
     return random.normal(size=int(number.max()) + 1).clip(-1.5, 1.5)[number]
 
 
 def jolts(contacts: NDArray[np.uint8]) -> Array:
-    """One after every landing, risen to in a tenth of a second and gone after half."""
+    """Return a curve that rises to 1 within 0.1 s of every landing and is 0 after half a second."""
     frames = all_landings(contacts)
     if not len(frames):
         return np.zeros(len(contacts))
@@ -138,7 +138,7 @@ def jolts(contacts: NDArray[np.uint8]) -> Array:
 
 
 def drift(length: int, random: np.random.Generator) -> Array:
-    """Slow unit noise `(T, 3)`: a held hand never stands perfectly still."""
+    """Return slow unit noise `(T, 3)`: a held hand is never perfectly still."""
     time = np.arange(length)[:, None] / FPS
     drift = np.zeros((length, 3))
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""What edits of body parts do to captured neutral walks, in the measures that show them."""
+"""Effect of part edits on captured neutral walks, in their measures."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ Target = tuple[str, str]  # part, field of its measures
 REFERENCE_WALKS = 3  # captured neutral walks of each data set
 MIN_FRAMES, MAX_FRAMES = 240, 480
 _WALKING = ("walk", "walk forward")
-# Measures where the catalogue's own goes up on one captured walk and down on another: a fist that punches moves
-# forward and back as far as a swinging arm, but it does so high and in front of the chest.
+# Replaces measures that increase on one captured walk and decrease on another: a punching fist moves as far forward
+# and back as a swinging arm, but high and in front of the chest.
 _SHOWN_BY = {"punching": ("hand_level", "hand_front")}
 _AGREEMENT_FRACTION = (
-    0.75  # of the captured walks, on which an edit must move its measure the same way to show anything
+    0.75  # of the captured walks on which an edit must change its measure in the same direction
 )
 
 
 @dataclass(frozen=True)
 class Summary:
-    """A motion's measures, and of every joint the time-mean of its local rotation and the spread around it.
+    """A motion's measures, and mean and spread over time of every joint's local rotation.
 
-    The hips' rotation is taken against the smoothed facing direction, so that heading does not count.
+    The hips' rotation is relative to the smoothed facing direction, so that heading has no influence.
     """
 
     body: BodyMeasures
@@ -61,22 +61,22 @@ def summarise(hips: Array, local: Array, contacts: NDArray[Any]) -> Summary:
 
 
 def mean_rotation(local: Array) -> Array:
-    """Mean `(J, 4)` of unit quaternions `(T, J, 4)`, whose signs do not matter: the main axis of their spread."""
+    """Return the mean `(J, 4)` of unit quaternions `(T, J, 4)` of either sign: the principal axis of their second moment."""
     outer = np.einsum("tja,tjb->jab", local, local)
     return np.linalg.eigh(outer)[1][..., -1]
 
 
 def rotation_change(one: Summary, other: Summary) -> Array:
-    """Difference `(31,)` of how joints move, radians: the angle between their mean rotations, and the change of spread.
+    """Return the difference `(31,)` between joint motions, radians: angle between mean rotations, and change of spread.
 
-    Both are time averages: a walk that is out of step with another differs in neither.
+    Both are averages over time, so that a phase shift between walks has no influence.
     """
     dot = np.abs((one.mean * other.mean).sum(-1))
     return np.hypot(2.0 * np.arccos(np.clip(dot, 0.0, 1.0)), other.spread - one.spread)
 
 
 def targets(edits: Iterable[str]) -> list[Target]:
-    """The measures that show the edits; what both legs do is measured on both."""
+    """Return the measures of the edits; an edit of both legs is measured on both."""
     found = []
     for name in edits:
         edit = part_edits()[name]
@@ -88,18 +88,18 @@ def targets(edits: Iterable[str]) -> list[Target]:
 
 
 def value(summary: Summary, target: Target) -> float:
-    """A measure of a motion."""
+    """Return the value of a measure."""
     return float(getattr(getattr(summary.body, target[0]), target[1]))
 
 
 @dataclass(frozen=True)
 class CapturedReference:
-    """Captured neutral walks and the same walks edited: what an edit is worth on real motion."""
+    """Captured neutral walks, and the effect of edits on them."""
 
     walks: list[tuple[str, EditedMotion, Summary]]
 
     def edited(self, edits: Sequence[str]) -> list[tuple[Summary, Summary]]:
-        """Each walk before and after the edits, which are varied as in training but always alike."""
+        """Summarise each walk before and after the edits, varied as in training but with a fixed seed."""
         pairs = []
         for number, (_, motion, plain) in enumerate(self.walks):
             random = np.random.default_rng([number, *"+".join(edits).encode()])
@@ -112,7 +112,7 @@ class CapturedReference:
     def described(
         self, pairs: Sequence[tuple[Summary, Summary]], edits: Sequence[str]
     ) -> dict[Target, float]:
-        """Median change of the measures that show the edits; empty when walks disagree on its direction."""
+        """Return the median change of the edits' measures; empty if the walks disagree on its direction."""
         found = {}
         for target in targets(edits):
             changes = [value(after, target) - value(before, target) for before, after in pairs]
@@ -123,7 +123,7 @@ class CapturedReference:
 
 
 def load_reference(clips: Path) -> CapturedReference:
-    """Neutral straight walks of every data set, unmirrored and on their own ground; FileError when there is none."""
+    """Load neutral straight walks of every data set, unmirrored, on their own ground; FileError if there are none."""
     walks: list[tuple[str, EditedMotion, Summary]] = []
     taken: dict[str, int] = {}
     for path in sorted(clips.glob("*.npz")):
@@ -153,7 +153,7 @@ def _is_neutral_walk(path: Path) -> bool:
 
 
 def rhythm_section(clips: Path) -> str:
-    """Markdown: of every edit of rhythm what it does to its measure on captured neutral walks, medians."""
+    """Return Markdown: the median effect of every rhythm edit on its measure in captured neutral walks."""
     reference = load_reference(clips)
     rows = []
     for name, edit in part_edits().items():

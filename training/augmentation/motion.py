@@ -1,7 +1,7 @@
-"""A motion being edited, and what edits are made of: turned joints, feet kept by inverse kinematics, a changed path or pace.
+"""A motion being edited, and the operations of edits: turning joints, foot IK, and changes of path and timing.
 
-Planted feet stay planted by construction: every foot is carried by what the root's path changed where it passes the
-foot, and that is held through a stance.
+Planted feet stay planted by construction: each foot moves by the displacement of the root's path at the point where it
+passes the foot, held constant through a stance.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ AHEAD = np.array([0.0, 0.0, 1.0])
 LEVEL = np.array([1.0, 0.0, 1.0])
 THIGHS = SPORT_SKELETON.offsets[ik.LEG_THIGHS].astype(np.float64)
 _BONES = [np.linalg.norm(SPORT_SKELETON.offsets[joints[0]]) for joints in (ik.LEG_SHINS, ik.LEG_FEET)]
-_REACH_M = 0.998 * sum(_BONES)  # of a leg, before the hips give way: seven degrees of the knee
-_RAISED_REACH_M = 0.985 * sum(map(float, _BONES))  # of a leg, before the heel behind rises
-_WINDOW = 75  # frames before and after in which the path passes a foot
-_HEEL = np.radians(np.arange(0.0, 41.0, 5.0))  # by which a heel rises behind to let a stride be longer
+_REACH_M = 0.998 * sum(_BONES)  # of a leg (knee flexion 7 degrees); beyond, the hips sink
+_RAISED_REACH_M = 0.985 * sum(map(float, _BONES))  # of a leg; beyond, the rear heel rises
+_WINDOW = 75  # frames before and after, in which the path passes a foot
+_HEEL = np.radians(np.arange(0.0, 41.0, 5.0))  # angles by which the rear heel may rise in a longer stride
 
 
 @dataclass(frozen=True)
 class CycleAxes:
-    """The direction that a body faces over a cycle: rotations `(T, 4)`, and its horizontal unit vectors `(T, 3)`."""
+    """Facing direction averaged over a gait cycle: rotations `(T, 4)` and horizontal unit vectors `(T, 3)`."""
 
     facing: Array
     left: Array
@@ -52,26 +52,26 @@ class EditedMotion:
     local: Array
     contacts: NDArray[np.uint8]
     ground: Terrain
-    gait: Array | None = None  # (T, 6) soft labels, where they are known
+    gait: Array | None = None  # (T, 6) soft labels, if known
 
     @cached_property
     def joints(self) -> tuple[Array, Array]:
-        """World positions `(T, 31, 3)` and rotations `(T, 31, 4)`; not to be changed."""
+        """World positions `(T, 31, 3)` and rotations `(T, 31, 4)`; do not modify them."""
         return SPORT_SKELETON.forward_kinematics(self.hips, self.local)
 
     @cached_property
     def facing(self) -> Array:
-        """Rotations `(T, 4)` by the smoothed yaw."""
+        """Rotations `(T, 4)` of the smoothed yaw."""
         yaw = np.unwrap(features.facing_yaw(self.joints[0]))
         return rotations.from_yaw(smooth(yaw[:, None], 12.0)[:, 0])
 
     @cached_property
     def step_phase(self) -> Array:
-        """Cycles `(T,)`: whole numbers where the left foot lands; a slow clock where it does not step."""
+        """Gait cycles `(T,)`: integer where the left foot lands; a slow clock if there are no steps."""
         return step_phase(self.contacts)
 
     def cycle_mean(self, values: Array) -> Array:
-        """Mean `(T, n)` of values `(T, n)` over a gait cycle."""
+        """Return the mean of values `(T, n)` over a gait cycle."""
         return cycle_mean(values, cycle_frames(self.contacts))
 
     @cached_property
@@ -87,18 +87,18 @@ class EditedMotion:
         return CycleAxes(facing, rotations.rotate(facing, LEFT), rotations.rotate(facing, AHEAD))
 
     def stands(self, column: int) -> NDArray[np.bool_]:
-        """Frames `(T,)` in which a foot (0 left, 1 right) stands."""
+        """Return the frames `(T,)` in which a foot (0 left, 1 right) stands."""
         return np.asarray(self.contacts[:, 2 * column : 2 * column + 2].any(1))
 
     def feet(self) -> tuple[Array, Array, Array]:
-        """Copies of ankles `(T, 2, 3)`, toes `(T, 2, 3)` and rotations of the feet `(T, 2, 4)` in world space."""
+        """Return copies of ankles `(T, 2, 3)`, toes `(T, 2, 3)` and rotations of the feet `(T, 2, 4)` in world space."""
         positions, world = self.joints
         return positions[:, ik.LEG_FEET], positions[:, ik.LEG_TOES], world[:, ik.LEG_FEET]
 
     def hips_turn(self) -> Array:
-        """Turn of the hips from their mean of a cycle: rotation vectors `(T, 3)` in the facing direction.
+        """Return the rotation of the hips from their mean over a cycle, as rotation vectors `(T, 3)` in the facing frame.
 
-        They are pitch, yaw and roll to the right, radians.
+        Components are pitch, yaw and roll to the right, radians.
         """
         own = rotations.multiply(rotations.inverse(self.axes.facing), self.local[:, 0])
         own = rotations.continuous(own)
@@ -111,7 +111,7 @@ class EditedMotion:
 
 
 def cut(motion: EditedMotion, start: int, end: int) -> EditedMotion:
-    """Frames `start` to `end` of a motion."""
+    """Return frames `start` to `end` of a motion."""
     piece = slice(start, end)
     return replace(
         motion,
@@ -124,7 +124,7 @@ def cut(motion: EditedMotion, start: int, end: int) -> EditedMotion:
 
 @dataclass(frozen=True)
 class Edit:
-    """An edit by its numbers: `parameters` are those of `kind`, the slot one of left_arm, right_leg, torso, head, legs, ..."""
+    """An edit: `parameters` of its `kind`; `slot` is left_arm, right_leg, torso, head, legs, ..."""
 
     slot: str
     kind: str
@@ -132,19 +132,19 @@ class Edit:
 
     @property
     def sides(self) -> list[tuple[int, float]]:
-        """Column of contacts pairs and sign of X of each side that it is of."""
+        """Contact column and sign of X for each side of the edit."""
         return [side for name, side in SIDES.items() if self.slot == "legs" or self.slot.startswith(name)]
 
     def size(self, name: str) -> float:
-        """A size, 0 where it has none."""
+        """Return a parameter, by default 0."""
         return float(self.parameters.get(name, 0.0))
 
     def amount(self, name: str, random: np.random.Generator, deviation: float) -> float:
-        """A size, a little varied."""
+        """Return a parameter, slightly varied."""
         return self.size(name) * random.normal(1.0, deviation)
 
     def factor(self, name: str, random: np.random.Generator, deviation: float = 0.04) -> float:
-        """A factor or size, 1 where it has none, a little varied; exactly 1 stays as it is."""
+        """Return a factor, by default 1, slightly varied; exactly 1 is not varied."""
         value = float(self.parameters.get(name, 1.0))
         return value if value == 1.0 else value * float(np.exp(deviation * random.normal()))
 
@@ -153,7 +153,7 @@ class Edit:
 
 
 def turns(motion: EditedMotion, pitch: Array | float, yaw: Array | float, roll: Array | float) -> Array:
-    """Rotation vectors `(T, 3)` in world space of turns in the facing frame, degrees; roll is towards the left."""
+    """Convert angles in the facing frame, degrees, to rotation vectors `(T, 3)` in world space; roll is to the left."""
     zero = np.zeros(len(motion.hips))
     local = np.radians(np.stack([zero + pitch, zero + yaw, zero - roll], 1))
     return rotations.rotate(motion.facing, local)
@@ -162,9 +162,9 @@ def turns(motion: EditedMotion, pitch: Array | float, yaw: Array | float, roll: 
 def turn_joints(
     motion: EditedMotion, vectors: Array, fractions: dict[int, float], ankles: Array | None = None
 ) -> EditedMotion:
-    """Every joint of `fractions` turned in world space by its fraction; joints not named keep their world rotation.
+    """Turn every joint of `fractions` in world space by its fraction of `vectors`; others keep their world rotation.
 
-    When the hips turn, the ankles stay where they are, or go to `ankles` `(T, 2, 3)`.
+    When the hips turn, ankles keep their positions, or move to `ankles` `(T, 2, 3)`.
     """
     world = motion.joints[1]
     turned = world.copy()
@@ -178,7 +178,7 @@ def turn_joints(
     local = SPORT_SKELETON.local_rotations(turned)
     if 0 not in fractions:
         return replace(motion, local=local)
-    # the hips turned: the legs reach for their old feet
+    # the hips turned: legs reach for the old feet
     old_ankles, _, feet = motion.feet()
     return with_feet(
         replace(motion, local=local), motion.hips, old_ankles if ankles is None else ankles, feet
@@ -186,9 +186,9 @@ def turn_joints(
 
 
 def with_feet(motion: EditedMotion, hips: Array, ankles: Array, feet: Array) -> EditedMotion:
-    """The motion with other hips `(T, 3)`, its ankles at `ankles` `(T, 2, 3)` with rotations `feet` `(T, 2, 4)`.
+    """Return the motion with new `hips` `(T, 3)`, `ankles` `(T, 2, 3)` and foot rotations `feet` `(T, 2, 4)`.
 
-    The hips sink, smoothly, where a leg would be too short.
+    The hips sink, smoothly, if a leg is too short.
     """
     thighs = hips[:, None] + rotations.rotate(motion.local[:, :1], THIGHS)
     to_ankle = thighs - ankles
@@ -200,13 +200,13 @@ def with_feet(motion: EditedMotion, hips: Array, ankles: Array, feet: Array) -> 
 
 
 def raised(motion: EditedMotion, rise: Array) -> EditedMotion:
-    """The motion with its hips raised by metres `(T,)` over feet that stay; they rise no higher than legs reach."""
+    """Raise the hips by `rise` metres `(T,)` above unchanged feet, at most as high as legs reach."""
     ankles, _, feet = motion.feet()
     return with_feet(motion, motion.hips + rise[:, None] * UP, ankles, feet)
 
 
 def lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
-    """The motion with its hips lowered by metres over feet that stay."""
+    """Lower the hips by `drop` metres above unchanged feet."""
     hips = motion.hips.copy()
     hips[:, 1] -= drop
     moved = replace(motion, hips=hips)
@@ -214,7 +214,7 @@ def lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
 
 
 def keep_feet(moved: EditedMotion, original: EditedMotion) -> Array:
-    """Local rotations with the moved hips and the original's feet."""
+    """Return local rotations with the moved hips and the original feet, by IK."""
     ankles, _, feet = original.feet()
     return ik.solve_legs(moved.hips, moved.local, ankles, feet)
 
@@ -222,10 +222,10 @@ def keep_feet(moved: EditedMotion, original: EditedMotion) -> Array:
 def reaching(
     motion: EditedMotion, arm: tuple[int, int, int], target: Array, pole: Array, along: Array
 ) -> tuple[Array, Array]:
-    """World rotations `(T, 4)` of upper arm and forearm that bring the hand to `target`, the elbow towards `pole`.
+    """Return world rotations `(T, 4)` of upper arm and forearm that bring the hand to `target`, the elbow towards `pole`.
 
-    `arm` are the joints shoulder, elbow and hand, `along` is the direction of its bones at rest. The elbow is first bent
-    by hand towards the pole: the solver then keeps that bending plane.
+    `arm` are the joints shoulder, elbow and hand, `along` is the direction of the bones at rest. The elbow is bent towards
+    the pole first, because the solver keeps the bending plane.
     """
     positions, world = motion.joints
     shoulder = positions[:, arm[0]]
@@ -244,7 +244,7 @@ def reaching(
 
 
 def drag_foot(ankle: Array, foot: Array, toe: Array, fraction: Array, ground: Terrain) -> None:
-    """Lay the foot flat and lower it to the ground by `fraction` `(T,)` of what it is away from both, in place.
+    """Flatten the foot and lower it to the ground, by `fraction` `(T,)` of the difference from both, in place.
 
     `ankle` and `toe` are positions `(T, 3)`, `foot` its rotations `(T, 4)`.
     """
@@ -271,9 +271,9 @@ def drag_foot(ankle: Array, foot: Array, toe: Array, fraction: Array, ground: Te
 
 
 def on_path(motion: EditedMotion, moved: Array, extra: Array | None = None) -> EditedMotion:
-    """The motion with its root moved by `moved` `(T, 3)`, and every foot by what the root moves where it passes it.
+    """Move the root by `moved` `(T, 3)`, and each foot by the displacement of the root where it passes the foot.
 
-    `extra` `(T, 2, 3)` is added to the feet. Both are held in stance.
+    `extra` `(T, 2, 3)` is added to the feet. Both are constant in stance.
     """
     ankles, toes, feet = motion.feet()
     path, carried = extrapolate(motion.path, _WINDOW), extrapolate(moved, _WINDOW)
@@ -297,13 +297,13 @@ def on_path(motion: EditedMotion, moved: Array, extra: Array | None = None) -> E
 
 
 def raise_heel(ankle: Array, toe: Array, foot: Array, angle: Array) -> tuple[Array, Array]:
-    """Ankle `(T, 3)` and rotation `(T, 4)` of a foot that is turned about its toe by `angle` `(T,)`."""
+    """Return ankle `(T, 3)` and rotation `(T, 4)` of a foot turned about its toe by `angle` `(T,)`."""
     turn = rotations.from_axis_angle(rotations.rotate(foot, LEFT), angle)
     return toe + rotations.rotate(turn, ankle - toe), rotations.multiply(turn, foot)
 
 
 def _heel_angle(thigh: Array, ankle: Array, toe: Array, foot: Array, behind: NDArray[np.bool_]) -> Array:
-    """Radians `(T,)` by which a heel `behind` rises about its toe, where the leg would be too short."""
+    """Return the angle `(T,)`, radians, by which a heel `behind` rises about its toe if the leg is too short."""
     lengths = []
     for angle in _HEEL:
         raised, _ = raise_heel(ankle, toe, foot, np.full(len(ankle), angle))
@@ -315,16 +315,16 @@ def _heel_angle(thigh: Array, ankle: Array, toe: Array, foot: Array, behind: NDA
 
 
 def scaled_path(motion: EditedMotion, factor: Array | float) -> Array:
-    """Shift `(T, 3)` of a root that goes `factor` `(T,)` times as far; its sideways curve about the path stays."""
+    """Return the displacement `(T, 3)` of a root that moves `factor` `(T,)` times as far, with unchanged lateral sway."""
     path, ahead = motion.path, motion.axes.ahead
     own = (motion.hips - path) * LEVEL
-    along = np.sum(own * ahead, axis=1)[:, None] * ahead  # the curve along the path scales with it
+    along = np.sum(own * ahead, axis=1)[:, None] * ahead  # the oscillation along the path is scaled too
     step = np.diff(path + along, axis=0, prepend=(path + along)[:1]) * LEVEL
     return np.cumsum((np.zeros(len(path)) + factor - 1.0)[:, None] * step, axis=0)
 
 
 def _passed(path: Array, foot: Array) -> NDArray[np.intp]:
-    """Index into the extended path `(T + 2 W, 3)` of the place where it passes each `foot` `(T, 3)`."""
+    """Return indices into the extended path `(T + 2 W, 3)` where it passes each `foot` `(T, 3)`."""
     windows = np.arange(len(foot))[:, None] + np.arange(2 * _WINDOW + 1)
     away = (path[windows] - foot[:, None])[..., [0, 2]]
     distance = np.sum(away**2, axis=-1) + 1e-7 * (np.arange(2 * _WINDOW + 1) - _WINDOW) ** 2
@@ -332,7 +332,7 @@ def _passed(path: Array, foot: Array) -> NDArray[np.intp]:
 
 
 def at_rate(motion: EditedMotion, rate: Array) -> EditedMotion:
-    """The motion played at `rate` `(T,)` times its speed: contacts and gait go with their frames."""
+    """Resample the motion at `rate` `(T,)` times its speed, with its contacts and gait."""
     clock = np.concatenate([[0.0], np.cumsum(0.5 / rate[:-1] + 0.5 / rate[1:])])
     at = np.interp(np.arange(int(clock[-1]) + 1), clock, np.arange(len(rate)))
     low = np.minimum(np.floor(at).astype(int), len(rate) - 2)
@@ -349,6 +349,6 @@ def at_rate(motion: EditedMotion, rate: Array) -> EditedMotion:
 
 
 def _most_of(values: Array, frames: int) -> Array:
-    """Return for each of values `(T,)` the largest of so many `frames` around it."""
+    """Return the moving maximum of values `(T,)` over `frames`."""
     padded = np.pad(values, frames // 2, "edge")
     return np.lib.stride_tricks.sliding_window_view(padded, frames).max(-1)

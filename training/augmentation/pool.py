@@ -1,4 +1,4 @@
-"""Imported clips that edited ones are made of, drawn by style."""
+"""Imported clips as sources of edited ones, sampled by style."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from training.augmentation.motion import EditedMotion
 from training.data.clips import Patches
 from training.frames import PLAIN
 
-NEUTRAL_FRACTION = 0.45  # of the clips that are made of neutral motion, where an edit shows most clearly
-PLAIN_FRACTION = 0.7  # of the neutral motion: an edit's words stand next to these sentences most often
+NEUTRAL_FRACTION = 0.45  # of source clips that are neutral, where edits are clearest
+PLAIN_FRACTION = 0.7  # of neutral sources, in the style that most prompts describe
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Source:
 
 
 def load_source(path: Path) -> Source:
-    """Read an imported clip."""
+    """Read an imported clip to edit."""
     with open_npz(path, "Run the importer again.") as file:
         clip = {k: file[k] for k in file.files}
     patches = Patches.of(clip)
@@ -51,7 +51,7 @@ def load_source(path: Path) -> Source:
 
 
 class Pool:
-    """Imported training clips by style, drawn so that styles count alike and neutral motion more."""
+    """Imported training clips, sampled uniformly over styles, neutral motion more often."""
 
     def __init__(self, folder: Path) -> None:
         self.by_style: dict[str, list[Path]] = {}
@@ -66,7 +66,7 @@ class Pool:
         self._load = lru_cache(maxsize=400)(load_source)
 
     def draw(self, random: np.random.Generator, neutral: float = NEUTRAL_FRACTION) -> Source:
-        """A clip; neutral ones with the given chance."""
+        """Draw a clip, a neutral one with the given probability."""
         styles = sorted(self.by_style)
         normal = [s for s in styles if s.startswith("neutral")]
         if normal and random.random() < neutral:

@@ -1,4 +1,4 @@
-"""Which parts of a clip are edited: drawn at random, never what is held out."""
+"""Random choice of the edits of a clip, without held-out edits and pairs."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import numpy as np
 from runtime.arrays import Array
 from training.augmentation.catalogue import PartEdit, catalogue, part_edits
 
-# legs first: some of their edits take the torso along
-_SLOT_CHANCE = {"legs": 0.74, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}
-BOTH_ARMS_CHANCE, BOTH_LEGS_CHANCE = 0.2, 0.35  # that an edited limb is joined by the same edit of the other
-BOTH_SWING_CHANCE = 0.5  # arms that swing more or less mostly do so together
-BOTH_POSTURE_FRACTION, BOTH_RHYTHM_FRACTION = 0.3, 0.72  # of the legs' edits that are of both at once
-LEGS_RHYTHM_FRACTION = 0.55  # of the legs' edits that are of rhythm and weight
-TOGETHER_CHANCE, WAIST_CHANCE = (
+# legs first: some of their edits also describe the torso
+_SLOT_PROBABILITY = {"legs": 0.74, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}
+BOTH_ARMS_PROBABILITY, BOTH_LEGS_PROBABILITY = 0.2, 0.35  # that the other limb gets the same edit
+BOTH_SWING_PROBABILITY = 0.5  # the same for edits of arm swing
+BOTH_POSTURE_FRACTION, BOTH_RHYTHM_FRACTION = 0.3, 0.72  # of edits of legs that concern both
+LEGS_RHYTHM_FRACTION = 0.55  # of edits of legs that are of rhythm and weight
+TOGETHER_PROBABILITY, WAIST_PROBABILITY = (
     0.5,
     0.3,
-)  # that a base has two edits of legs, and that its hips or waist are edited too
+)  # that a base clip has two edits of legs; that its hips or waist are edited too
 _DRAWS = 6
 _OF_WAIST = ("hips", "twist", "bob", "rock")
-_AGAINST = (  # kinds and measures of which one undoes the other
+_AGAINST = (  # kinds and measures that counteract each other
     {"landing", "foot_lift"}, {"stiff", "knee_bend"}, {"stiff", "foot_lift"}, {"stiff", "width"}, {"foot_pitch", "foot_lift"},
 )  # fmt: skip
-# Edits that change a movement, not a posture, show in a part of every step only: they are drawn more often.
+# Edits of a movement, unlike those of posture, are visible only during part of each step: they are drawn more often.
 _OF_MOVEMENT = ("swing", "foot_lift", "knee_bend", "foot_pitch", "turn_range", "pitch_range")  # measures
 _MOVEMENT_WEIGHT = 3.0
 _ORDER = (
@@ -37,10 +37,10 @@ _ORDER = (
 
 
 def draw(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
-    """Names of one to four edits that do not touch the same part twice, in the order in which they are applied."""
+    """Draw one to four edits of different parts; returns their names in the order of application."""
     while True:
         chosen: list[PartEdit] = []
-        for slot, chance in _SLOT_CHANCE.items():
+        for slot, chance in _SLOT_PROBABILITY.items():
             if random.random() < chance:
                 chosen += _drawn(slot, chosen, random, standing)
         names = _in_order(chosen)
@@ -49,15 +49,15 @@ def draw(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
 
 
 def draw_base(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
-    """Names of edits of legs, one or two at once, at times with hips or waist: a body for arms, trunk and head of others.
+    """Draw one or two edits of legs, sometimes with hips or waist, for a base clip that gets arms, torso and head of others.
 
-    Two are a posture and a rhythm, or two postures, that move different measures.
+    Two edits are a posture and a rhythm, or two postures, with different measures.
     """
     while True:
         chosen = _drawn("legs", [], random, standing)
-        if random.random() < TOGETHER_CHANCE:
+        if random.random() < TOGETHER_PROBABILITY:
             chosen += _beside(chosen, random, standing)
-        if not standing and random.random() < WAIST_CHANCE:
+        if not standing and random.random() < WAIST_PROBABILITY:
             edit = _one_of([e for e in _edits_of("torso") if e.kind in _OF_WAIST], random)
             chosen += [] if _taken(chosen, edit) else [edit]
         names = _in_order(chosen)
@@ -66,13 +66,13 @@ def draw_base(random: np.random.Generator, standing: bool) -> tuple[str, ...]:
 
 
 def allowed(names: tuple[str, ...]) -> bool:
-    """Return whether a combination may enter training."""
+    """Return whether a combination is allowed in training."""
     pairs = (set(pair) <= set(names) for pair in catalogue().held_out_pairs.values())
     return not set(names) & catalogue().held_out and not any(pairs)
 
 
 def _beside(chosen: list[PartEdit], random: np.random.Generator, standing: bool) -> list[PartEdit]:
-    """Another edit of legs that goes with those `chosen`; none where few draws find one."""
+    """Draw another edit of legs that is compatible with `chosen`; empty after a few unsuccessful draws."""
     for _ in range(_DRAWS):
         found = _drawn("legs", [], random, standing)
         if all(_go_together(a, b) for a in chosen for b in found):
@@ -81,7 +81,7 @@ def _beside(chosen: list[PartEdit], random: np.random.Generator, standing: bool)
 
 
 def _go_together(one: PartEdit, other: PartEdit) -> bool:
-    """Whether two edits of legs show both: they are no two rhythms, and neither changes the other's measure."""
+    """Return whether two edits of legs are compatible: not both rhythms, and with independent measures."""
     kinds, fields = {one.kind, other.kind}, {one.measure[1], other.measure[1]}
     if len(fields) == 1 or (one.does.of_steps and other.does.of_steps):
         return False
@@ -90,7 +90,7 @@ def _go_together(one: PartEdit, other: PartEdit) -> bool:
 
 
 def _drawn(slot: str, chosen: list[PartEdit], random: np.random.Generator, standing: bool) -> list[PartEdit]:
-    """An edit of a slot, at times with the same of the other side; none that describes a part of those `chosen`."""
+    """Draw an edit of a slot, sometimes with that of the other side, for parts that `chosen` do not describe."""
     edits = _edits_of_legs(random, standing) if slot == "legs" else _edits_of(slot)
     if standing:
         edits = [e for e in edits if _shows_standing(e)]
@@ -112,8 +112,8 @@ def _weights(edits: list[PartEdit]) -> Array:
 
 def _both_chance(edit: PartEdit) -> float:
     if edit.kind == "swing":
-        return BOTH_SWING_CHANCE
-    return BOTH_ARMS_CHANCE if "arm" in edit.name else BOTH_LEGS_CHANCE
+        return BOTH_SWING_PROBABILITY
+    return BOTH_ARMS_PROBABILITY if "arm" in edit.name else BOTH_LEGS_PROBABILITY
 
 
 def _one_of(edits: list[PartEdit], random: np.random.Generator, chances: Array | None = None) -> PartEdit:
@@ -121,7 +121,7 @@ def _one_of(edits: list[PartEdit], random: np.random.Generator, chances: Array |
 
 
 def _edits_of_legs(random: np.random.Generator, standing: bool) -> list[PartEdit]:
-    """Those of rhythm or of posture, of one leg or of both; of who stands the posture of both."""
+    """Draw edits of rhythm or posture, of one or both legs; for a standing body postures of both."""
     rhythm = not standing and random.random() < LEGS_RHYTHM_FRACTION
     both = BOTH_RHYTHM_FRACTION if rhythm else BOTH_POSTURE_FRACTION
     one = not standing and random.random() >= both
@@ -138,18 +138,18 @@ def _shows_standing(edit: PartEdit) -> bool:
 
 
 def _twin(edit: PartEdit) -> PartEdit | None:
-    """The same edit of the other side, where both can be done at once: both legs cannot limp."""
+    """Return the same edit of the other side, if both can be combined: both legs cannot limp."""
     side, _, rest = edit.name.partition("_")
     name = {"left": "right_", "right": "left_"}.get(side, "") + rest
     return None if edit.kind == "stance" or name in catalogue().held_out else part_edits().get(name)
 
 
 def _taken(chosen: list[PartEdit], edit: PartEdit) -> bool:
-    """Whether an edit describes a part that another one describes already."""
+    """Return whether a chosen edit already describes a part of `edit`."""
     return any(edit.phrases.keys() & other.phrases.keys() for other in chosen)
 
 
 def _in_order(edits: list[PartEdit]) -> tuple[str, ...]:
-    """Legs and torso first, rhythm before posture: hands are then placed on the body as it is, the head looks last."""
+    """Sort edits: rhythm before posture, legs and torso before hands, which are placed on the body, the head last."""
     order = sorted(edits, key=lambda e: -1 if e.does.moves_feet else _ORDER.index(e.slot))
     return tuple(e.name for e in order)

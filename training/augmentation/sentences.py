@@ -1,7 +1,7 @@
-"""Phrases of the edits in longer sentences, as people and the prompt library write them.
+"""Longer sentences with phrases of edits, as users and the prompt library write them.
 
-The catalogue says "left hand on the hip"; a prompt says "left hand on the hip, held still". A clause that adds nothing
-to the pose should not change what the phrase means, and two clauses of the head or the torso should both count.
+The catalogue says "left hand on the hip", a prompt "left hand on the hip, held still". A clause without influence on
+the pose should not change the meaning of the phrase, and of two clauses about head or torso both should have effect.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from training.augmentation.catalogue import PartEdit, catalogue
 
 @dataclass(frozen=True)
 class LongerSentence:
-    """A sentence of `part` that means what the phrases `of` mean together, or what each of these `alike` means."""
+    """A sentence of `part` that means the phrases `of` combined, or, if `alike`, the same as each of them."""
 
     part: str
     text: str
@@ -25,7 +25,7 @@ class LongerSentence:
 
 
 def longer_sentences() -> list[LongerSentence]:
-    """Every trained phrase with each clause that fits it, and pairs of clauses that both count, in either order."""
+    """Return every trained phrase with each fitting clause, and pairs of phrases, in either order."""
     return [
         *_with_clauses(),
         *_two_postures("torso"),
@@ -37,7 +37,7 @@ def longer_sentences() -> list[LongerSentence]:
 
 
 def other_sentences() -> list[LongerSentence]:
-    """Other words for what the phrases of an edit say."""
+    """Return synonyms of the phrases of edits."""
     edits = catalogue().edits
     return [
         LongerSentence(part, text, edits[name].phrases[part], alike=True)
@@ -54,7 +54,7 @@ def _with_clauses() -> Iterator[LongerSentence]:
 
 
 def _two_postures(slot: str) -> Iterator[LongerSentence]:
-    """One of forward and back, and one of what goes to a side."""
+    """Yield pairs of a posture forwards or backwards and one to a side."""
     upright: list[str] = []
     sideways: list[str] = []
     for edit in catalogue().trained:
@@ -64,7 +64,7 @@ def _two_postures(slot: str) -> Iterator[LongerSentence]:
 
 
 def _posture_and_rhythm(part: str) -> Iterator[LongerSentence]:
-    """A posture, and what its steps are like; the first phrase of each."""
+    """Yield pairs of a posture and a rhythm, with the first phrase of each."""
     own = [e for e in catalogue().trained if part in e.phrases]
     postures = [e.phrases[part][0] for e in own if not e.does.of_steps]
     rhythm = [e.phrases[part][0] for e in own if e.does.of_steps]

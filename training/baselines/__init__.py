@@ -1,1 +1,1 @@
-"""Other methods on the same data, with the interface of our models: what the paper's Table I compares with."""
+"""Other methods of the paper's Table I, trained on the same data, with the interface of our models."""

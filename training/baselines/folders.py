@@ -1,4 +1,4 @@
-"""What all methods have in common: the clips that it learns from, its styles' codes and speeds, its model folder."""
+"""Common parts of all methods: training clips, codes and speeds of styles, and the model folder."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Order:
-    """An order for a method's model folder `out`, made of `clips`, which understands the prompts of `model`."""
+    """A request to build a method's model folder `out` from `clips`, with the text side of `model`."""
 
     method: str
     clips: Path
     out: Path
     model: Path
-    steps: int  # of training, where there is any
+    steps: int  # of training, if the method is trained
     seed: int
 
 
-MIN_FRAMES = 60  # of a clip
-WALK_RANGE, JOG_RANGE = (0.3, 2.2), (1.2, 5.0)  # m/s that count
+MIN_FRAMES = 60  # shortest usable clip
+WALK_RANGE, JOG_RANGE = (0.3, 2.2), (1.2, 5.0)  # m/s
 
 
 def training_clips(folder: Path, seed: int | None = None) -> Iterator[ClipInfo]:
-    """Captured clips and rollouts that training sees; in random order with a seed."""
+    """Yield captured training clips and rollouts; in random order if a seed is given."""
     infos = {c.path: c for c in read_capture(folder, least_frames=MIN_FRAMES).clips if not c.held_out}
     paths = original_clips(folder)
     order = range(len(paths)) if seed is None else np.random.default_rng(seed).permutation(len(paths))
@@ -53,14 +53,14 @@ def training_clips(folder: Path, seed: int | None = None) -> Iterator[ClipInfo]:
 
 
 def style_codes(model: Path, styles: Sequence[str]) -> dict[str, Array]:
-    """Z^t `(n, 6, 64)` of each style's descriptions, by the text side of a model."""
+    """Return Z^t `(n, 6, 64)` of each style's descriptions, from the text side of a model."""
     to_style = Prompter(load_model(model))
     texts = style_texts(styles)
     return {style: np.stack([to_style(d) for d in texts[style]]).astype(np.float32) for style in styles}
 
 
 def speeds(root: Array, gait: NDArray[np.integer], label: NDArray[np.integer], styles: int) -> Array:
-    """Median walking and jogging speed `(S, 2)` of each style, where it has none a usual one."""
+    """Return the median walking and jogging speed `(S, 2)` of each style, or a default."""
     speed = np.linalg.norm(root[:, :2], axis=1)
     result = np.zeros((styles, 2), np.float32)
     for s in range(styles):
@@ -73,13 +73,13 @@ def speeds(root: Array, gait: NDArray[np.integer], label: NDArray[np.integer], s
 
 
 def copy_text_side(model: Path, out: Path) -> None:
-    """Make the folder `out` with the text side of the model whose prompts it is to understand."""
+    """Create the folder `out` with the text side of a model."""
     out.mkdir(parents=True, exist_ok=True)
     shutil.copy(model / "prompt.onnx", out / "prompt.onnx")
 
 
 def write_metadata(model: Path, out: Path, files: Sequence[str], own: dict[str, Any]) -> Path:
-    """`metadata.json` of a folder with the text side of `model`, `files` and values of its own; the folder."""
+    """Write `metadata.json` with the text side of `model`, `files` and the method's `own` values; returns the folder."""
     text_side = read_metadata(model)
     metadata: dict[str, Any] = {
         "format": "sport-model",

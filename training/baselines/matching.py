@@ -1,12 +1,12 @@
-"""Motion matching in the place of the networks: frames of a database, searched ten times a second, inertialised.
+"""Motion matching in place of the networks: a database searched ten times per second, with inertialised transitions.
 
-Clavet (2016), as set out by Holden et al. (2020), "Learned Motion Matching", Sec. 3: of every frame a feature vector tells where
-the path goes (positions and directions 20, 40 and 60 frames on), where the feet are and how fast they and the hips move; the
-frame nearest to the requested path and to the shown pose is played on. Poses jump at a change of frame: their difference is
-taken over and decays (Bollo 2018, as a critically damped spring by its half-life).
+Clavet (2016), as described by Holden et al. (2020), "Learned Motion Matching", Sec. 3: the feature vector of a frame has the
+future path (positions and directions 20, 40 and 60 frames ahead), feet positions, and velocities of feet and hips. Playback
+continues from the frame nearest to the requested path and the current pose. At a transition the pose difference is kept as
+an offset that decays (Bollo 2018, a critically damped spring with a half-life).
 
-The interface is that of `MotionModel`, so that controller, foot lock, terrain and viewer are those of the networks. A model
-has no state of its own: which frame is played, and the last changes, travel in the phase vectors that every frame hands to the next.
+The interface is that of `MotionModel`, so that controller, foot lock, terrain and viewer are shared with the networks. A
+model is stateless: the playing frame and the recent transitions are stored in the phase vectors passed from frame to frame.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ Indices = NDArray[np.integer]
 
 KIND = "motion matching"  # of metadata.json
 DATABASE = "database.npz"
-STEP = 2  # frames of 1/60 s from one row to the next
+STEP = 2  # frames of 1/60 s between rows
 SEARCH_FRAMES = 6  # ten searches a second
-HALF_LIFE = 0.1  # seconds, of what is left of a change of frame
+HALF_LIFE_S = 0.1  # of the offset after a transition
 CHANGE_FRAMES = 42  # after seven half-lives less than a thousandth is left
-CHANGES = 8  # that can be under way at once: seven searches fall into `CHANGE_FRAMES`
-# A place is two numbers of at most four digits, as no output of a network is larger (`runtime.motion.frame.MAX_OUTPUT`).
+CHANGES = 8  # simultaneous transitions: `CHANGE_FRAMES` contain seven searches
+# A position in the database is stored as two numbers below `runtime.motion.frame.MAX_OUTPUT`, the limit of outputs.
 PLACES, HIGH = 9_000, 90
-MAX_ROWS = PLACES * HIGH // STEP  # of a database: 225 minutes
-NEAR_ROWS = 10  # a row so near to the shown one is no change
+MAX_ROWS = PLACES * HIGH // STEP  # of a database, 225 minutes
+NEAR_ROWS = 10  # a row this close to the current one is not a transition
 FORECAST = features.FUTURE_OFFSETS  # frames
 
 _FEET = (SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot"))
-# columns of a feature vector and their weights, those of Holden's reference implementation; the gait label is ours, as a pad has buttons
+# columns of a feature vector and their weights, from Holden's reference implementation; the gait label is our addition
 GROUPS: dict[str, tuple[slice, float]] = {
     "positions": (slice(0, 6), 1.0),
     "directions": (slice(6, 12), 1.5),
@@ -56,20 +56,20 @@ GROUPS: dict[str, tuple[slice, float]] = {
     "gait": (slice(27, 33), 1.0),
 }
 SIZE = 33
-POSE = np.r_[12:27]  # columns of the shown pose
+POSE = np.r_[12:27]  # columns of the current pose
 
 
 def feature_vectors(x: Array, joints: Array, velocities: Array) -> Array:
-    """Features `(..., 33)` of inputs x `(..., 342 or more)` with joints and their velocities `(..., 31, 3)`.
+    """Return features `(..., 33)` of inputs x `(..., 342 or more)` with joints and their velocities `(..., 31, 3)`.
 
-    The window of x ends 50 frames ahead; the place 60 frames ahead goes on as from 40 to 50.
+    The window of x ends 50 frames ahead; the position 60 frames ahead is extrapolated from 40 and 50.
     """
     lead = x.shape[:-1]
     ahead = x[..., INPUT["trajectory_positions"]].reshape(*lead, features.L, 2)
     facing = x[..., INPUT["trajectory_directions"]].reshape(*lead, features.L, 2)
     gait = x[..., INPUT["gait"]].reshape(*lead, features.L, features.GAITS)
     present = features.L // 2
-    at = [present + 2, present + 4, present + 5]  # 20, 40 and 50 frames on
+    at = [present + 2, present + 4, present + 5]  # 20, 40 and 50 frames ahead
     places, directions = ahead[..., at, :], facing[..., at, :]
     places = np.concatenate([places[..., :2, :], 2.0 * places[..., 2:, :] - places[..., 1:2, :]], axis=-2)
     last = 2.0 * directions[..., 2:, :] - directions[..., 1:2, :]
@@ -81,7 +81,7 @@ def feature_vectors(x: Array, joints: Array, velocities: Array) -> Array:
 
 
 def scales(rows: Array) -> tuple[Array, Array]:
-    """Mean `(33,)`, and weight over deviation `(33,)`: the columns of a group have the mean of their deviations."""
+    """Return mean `(33,)` and weight over deviation `(33,)`; the columns of a group share their mean deviation."""
     mean, deviation = rows.mean(0), rows.std(0)
     scale = np.zeros(SIZE, np.float32)
     for columns, weight in GROUPS.values():
@@ -91,11 +91,11 @@ def scales(rows: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Database:
-    """Rows 1/30 s apart of many clips, one after the other."""
+    """Rows of many clips, 1/30 s apart, concatenated."""
 
     features: Array  # (F, 33), not normalised
-    world: Array  # (F, 31, 4) rotations as the root sees them
-    hips: Array  # (F, 3) metres, over the reference ground
+    world: Array  # (F, 31, 4) root-relative rotations
+    hips: Array  # (F, 3) metres, above the reference ground
     root: Array  # (F, 3) m/s, m/s, rad/s
     contacts: NDArray[np.uint8]  # (F, 4)
     last: Indices  # (F,) last row of each row's clip
@@ -107,7 +107,7 @@ class Database:
 
     @staticmethod
     def load(path: Path) -> Database:
-        """ModelError when the file is none."""
+        """Load a database; ModelError if the file is invalid."""
         with open_npz(
             path, "Build it again with `python -m training.ablations --only motion-matching`.", ModelError
         ) as found:
@@ -125,7 +125,7 @@ class Database:
         return base
 
     def save(self, path: Path) -> None:
-        """Write half-precision numbers where that is enough: rotations within 0.05 degrees."""
+        """Write the database, in half precision where that suffices: rotations are accurate to 0.05 degrees."""
         kinds: dict[str, Any] = dict.fromkeys(("world", "root", "codes", "features"), np.float16)
         kinds |= {"hips": np.float32, "speeds": np.float32, "contacts": np.uint8}
         kinds |= {"last": np.int32, "style": np.int16, "code_style": np.int16}
@@ -133,7 +133,7 @@ class Database:
         np.savez_compressed(path, **arrays, styles=np.array(self.styles))
 
     def check(self) -> None:
-        """ValueError for arrays that do not belong together."""
+        """Raise ValueError for inconsistent arrays."""
         rows, names = len(self.last), len(self.styles)
         shapes = {
             "features": (rows, SIZE), "world": (rows, J, 4), "hips": (rows, 3), "root": (rows, 3), "contacts": (rows, 4),
@@ -150,22 +150,22 @@ class Database:
             and all(np.isfinite(getattr(self, name)).all() for name in finite)
         )
         if not sound:
-            raise ValueError("arrays that do not belong together")
+            raise ValueError("inconsistent arrays")
 
 
 @dataclass(frozen=True)
 class Playing:
-    """The frame that one character plays: its place in the database, frames since the last search, changes under way.
+    """Playback state of one character: position in the database, frames since the last search, active transitions.
 
-    Places count frames of 1/60 s; a change is (place left, place entered, frames since).
+    Positions count frames of 1/60 s; a transition is (position left, position entered, frames since).
     """
 
-    place: int = -1  # none yet
+    place: int = -1  # -1: none yet
     since_search: int = 0
     changes: tuple[tuple[int, int, int], ...] = ()
 
     def packed(self) -> Array:
-        """Amplitudes of the 35 present and future phase vectors `(7, 5, 2)`."""
+        """Encode the state in the amplitudes of the 35 present and future phase vectors `(7, 5, 2)`."""
         high, low = divmod(self.place, PLACES)
         numbers = [high, low, self.since_search]
         for left, entered, since in self.changes:
@@ -177,7 +177,7 @@ class Playing:
 
     @staticmethod
     def unpacked(phase: Array) -> Playing:
-        """Read the phase vectors `(13, 5, 2)` of an input; nothing is played where they are zero."""
+        """Decode the phase vectors `(13, 5, 2)` of an input; zeros mean that nothing is played."""
         amplitude = np.linalg.norm(phase[features.L // 2 :].reshape(-1, 2), axis=-1)
         high, low, since_search, *rest = (np.rint(amplitude).astype(int) - 1).tolist()
         if min(high, low) < 0:
@@ -192,20 +192,20 @@ class Playing:
 
 
 class MatchingModel:
-    """A database that answers as a `MotionModel` does; deterministic, without noise."""
+    """A database with the interface of `MotionModel`; deterministic, without noise."""
 
     def __init__(self, folder: Path, metadata: dict[str, Any], database: Database | None = None) -> None:
         self.folder, self.metadata = folder, metadata
         self.name = str(metadata["name"])
         self.precision, self.provider = "fp32", "database"
         self.noise_shape = (1, 1, 1)
-        self.batches = False  # each character has a place in the database of its own
+        self.batches = False  # each character has its own position in the database
         self.in_full = self
         self.style_shape = (6, 64)
         self.database = base = Database.load(folder / DATABASE) if database is None else database
         self._mean, self._scale = scales(base.features)
         self._known = (base.features - self._mean) * self._scale
-        ends = base.last - np.arange(len(base.last)) >= 2  # a row from which at least two more are played
+        ends = base.last - np.arange(len(base.last)) >= 2  # rows with at least two successors
         self._rows = [np.flatnonzero((base.style == s) & ends) for s in range(len(base.styles))]
         self._searched = [np.ascontiguousarray(self._known[rows]) for rows in self._rows]
         self._squares = [np.square(known).sum(1) for known in self._searched]
@@ -213,7 +213,7 @@ class MatchingModel:
 
     @property
     def prompt_path(self) -> Path:
-        """The text side, of the model that the database was built with."""
+        """The text side of the model with which the database was built."""
         return self.folder / "prompt.onnx"
 
     @property
@@ -222,14 +222,14 @@ class MatchingModel:
         codes = self.database.codes[self.database.code_style == self._neutral]
         return codes[0] if len(codes) else self.database.codes[0]
 
-    calibration = None  # a database shows what it has, on the side that it has
+    calibration = None  # captured rows have fixed sides
 
     def crosses(self, obstacle: ObstacleAhead) -> bool:
-        """Never: no capture shows a leap in every style."""
+        """Return False: captures do not contain leaps in every style."""
         return False
 
     def fold_style(self, z: Array, strength: float = 1.0) -> Style:
-        """The captured style whose descriptions lie nearest to Z^t `(6, 64)`; a label has no strength."""
+        """Return the captured style with the descriptions nearest to Z^t `(6, 64)`; `strength` has no effect."""
         z = np.ascontiguousarray(z, np.float32)
         if z.shape != self.style_shape or not np.all(np.isfinite(z)):
             raise ModelError(
@@ -245,17 +245,17 @@ class MatchingModel:
         return Style(z, one_hot, nothing, nothing, walk, jog)
 
     def neutral_style(self, mirrored: bool) -> Style:
-        """Return the captured neutral style, the same for a mirrored walk: no row is played in the mirror."""
+        """Return the captured neutral style, also for a mirrored walk: rows are never mirrored."""
         return replace(self.fold_style(self.neutral), mirrored=mirrored)
 
     def step(self, x: Array, noise: Array, style: Style | Sequence[Style]) -> tuple[Array, Array]:
-        """y `(B, 473)` of inputs `(B, 472)`, and ones `(B, 1)`; `style` is one for all characters, or one for each."""
+        """Return y `(B, 473)` of inputs `(B, 472)`, and ones `(B, 1)`; `style` is shared or one per character."""
         styles = [style] * len(x) if isinstance(style, Style) else style
         y = np.concatenate([self._frame(row, one) for row, one in zip(x, styles, strict=True)])
         return y, np.ones((len(x), 1), np.float32)
 
     def output_of(self, row: int) -> Array:
-        """y `(473,)` of a row, with nothing played yet."""
+        """Return y `(473,)` of a row, without transitions."""
         place = np.array(STEP * row)
         y = self._output(*self._at(place), Playing(STEP * row))[0]
         y[features.OUTPUT["phase"]] = 0.0
@@ -267,7 +267,7 @@ class MatchingModel:
         phase = x[INPUT["phase"]].reshape(features.L + 1, features.C, 2)
         playing = self._advanced(Playing.unpacked(phase), x, int(np.argmax(style.front_bias)))
         world, hips, root = self._at(np.array(playing.place))
-        # the newest turns the rows' pose, the one before it what comes of that: so each began from what was shown
+        # from the newest to the oldest transition: each started from the pose shown at its time
         if playing.changes:
             turns, moved, way = self._left_over(*np.array(playing.changes).T)
             for turn in turns[::-1]:
@@ -276,7 +276,7 @@ class MatchingModel:
         return self._output(world, hips, root, playing)
 
     def _advanced(self, playing: Playing, x: Array, label: int) -> Playing:
-        """The next frame of what is played, or another one where a search finds a nearer."""
+        """Advance playback by one frame, or jump to a nearer frame found by a search."""
         base = self.database
         if not 0 <= playing.place < STEP * len(base.last):
             return Playing(STEP * self._nearest(self._query(x, None), label), 0, ())
@@ -293,12 +293,12 @@ class MatchingModel:
         return Playing(STEP * found, 0, (*changes, (place, STEP * found, 0))[-CHANGES:])
 
     def _is_change(self, row: int, found: int, query: Array) -> bool:
-        """Whether a row that was found is another place than the one that is played, and a nearer one."""
+        """Return whether a found row differs from the playing one and is nearer to the query."""
         near = self.database.last[found] == self.database.last[row] and abs(found - row) < NEAR_ROWS
         return not near and self._cost(row, query) > self._cost(found, query)
 
     def _query(self, x: Array, row: int | None) -> Array:
-        """Normalised features `(33,)`: the requested path of x, and the pose of a row (of x where nothing is played)."""
+        """Return normalised features `(33,)`: the requested path of x, and the pose of a row (of x if nothing is played)."""
         joints = x[INPUT["joint_positions"]].reshape(J, 3)
         velocities = x[INPUT["joint_velocities"]].reshape(J, 3)
         query = (feature_vectors(x, joints, velocities) - self._mean) * self._scale
@@ -307,7 +307,7 @@ class MatchingModel:
         return query
 
     def _nearest(self, query: Array, label: int) -> int:
-        """The row of a style that is nearest to a query: by brute force over one product of matrices."""
+        """Find a style's row nearest to a query, by exhaustive search with one matrix product."""
         label = label if len(self._rows[label]) else self._neutral
         away = self._squares[label] - 2.0 * (self._searched[label] @ query)
         return int(self._rows[label][int(np.argmin(away))])
@@ -316,7 +316,7 @@ class MatchingModel:
         return float(np.square(self._known[row] - query).sum())
 
     def _at(self, place: Indices) -> tuple[Array, Array, Array]:
-        """Rotations `(..., 31, 4)`, hips and root velocity `(..., 3)` of places `(...)`, between rows where they lie so."""
+        """Return rotations `(..., 31, 4)`, hips and root velocity `(..., 3)` at positions `(...)`, interpolated between rows."""
         base = self.database
         row, part = place // STEP, ((place % STEP) / STEP)[..., None]
         following = np.minimum(row + 1, base.last[row])
@@ -329,7 +329,7 @@ class MatchingModel:
         return world, hips, root
 
     def _left_over(self, left: Indices, entered: Indices, frames: Indices) -> tuple[Array, Array, Array]:
-        """Of changes `(K,)`: what is left of each one's turn `(K, 31, 4)`, of all of the hips' and root velocity's differences."""
+        """Return the decayed offsets of transitions `(K,)`: rotations `(K, 31, 4)`, and sums for hips and root velocity."""
         (q0, h0, r0), (q1, h1, r1) = self._at(left), self._at(entered)
         before, h_before, _ = self._at(np.maximum(left - 1, 0))
         after, h_after, _ = self._at(entered + 1)
@@ -339,7 +339,7 @@ class MatchingModel:
             return rotations.to_rotation_vector(rotations.multiply(a, rotations.inverse(b)))
 
         def decayed(offset: Array, velocity: Array, at: Array) -> Array:
-            return spring(offset, velocity, np.zeros(3), HALF_LIFE, at)[0]
+            return spring(offset, velocity, np.zeros(3), HALF_LIFE_S, at)[0]
 
         turns = decayed(turn(q0, q1), FPS * (turn(q0, before) - turn(after, q1)), seconds[..., None])
         moved = decayed(h0 - h1, FPS * ((h0 - h_before) - (h_after - h1)), seconds)
@@ -361,7 +361,7 @@ class MatchingModel:
         return build_output(parts)[None]
 
     def _forecast(self, place: int) -> tuple[Array, Array]:
-        """Path and directions `(6, 2)` of the clip, seen from the next frame; beyond its end they go on."""
+        """Return future path and directions `(6, 2)` of the clip, relative to the next frame, extrapolated beyond its end."""
         base = self.database
         rows = np.minimum(place // STEP + np.arange(FORECAST[-1] // STEP + 1), int(base.last[place // STEP]))
         velocity = base.root[rows].astype(np.float64)
@@ -373,7 +373,7 @@ class MatchingModel:
 
 
 def _positions(hips: Array, world: Array) -> Array:
-    """Joints `(31, 3)` as the root sees them."""
+    """Return root-relative joints `(31, 3)`."""
     bones = rotations.rotate(world[list(SPORT_SKELETON.parents[1:])], SPORT_SKELETON.offsets[1:])
     positions = np.zeros((J, 3))
     positions[0] = hips

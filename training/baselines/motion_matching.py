@@ -1,7 +1,7 @@
-"""A database for motion matching out of imported clips: `python -m training.ablations --only motion-matching`.
+"""Builds a motion-matching database from imported clips: `python -m training.ablations --only motion-matching`.
 
-All captured clips that training sees go in, without mirror images, copies on made terrain, layered clips and rollouts.
-Styles are labels; a prompt chooses the style whose descriptions lie nearest.
+It contains all captured training clips without mirror images, copies on synthetic terrain, layered clips and rollouts.
+Styles are labels; a prompt selects the style with the nearest descriptions.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class ClipRows:
 
 
 def clip_rows(frames: ClipFrames) -> ClipRows:
-    """The rows that the database keeps of a clip's training frames."""
+    """Return the database rows of a clip's training frames."""
     x, y = frames.x[::STEP].astype(np.float32), frames.y[::STEP].astype(np.float32)
     parts = split_output(y)
     joints = parts.joint_positions.copy()
@@ -57,7 +57,7 @@ def clip_rows(frames: ClipFrames) -> ClipRows:
 
 
 def build(clips: Iterable[ClipRows], codes: dict[str, Array]) -> Database:
-    """One database of many clips; `codes` are Z^t of each style's descriptions. FileError when there are none."""
+    """Build a database of many clips; `codes` are Z^t of each style's descriptions. FileError if there are no clips."""
     found = list(clips)
     if not found:
         raise FileError("No clips for a database.", "Import captured clips first: `sport train import`.")
@@ -65,7 +65,7 @@ def build(clips: Iterable[ClipRows], codes: dict[str, Array]) -> Database:
     lengths = [len(c.features) for c in found]
     if sum(lengths) > matching.MAX_ROWS:
         raise UsageError(
-            f"{sum(lengths)} rows: a place in the database is a number that stored states hold, at most {matching.MAX_ROWS} rows.",
+            f"{sum(lengths)} rows: the encoding of positions allows at most {matching.MAX_ROWS}.",
             "Import fewer clips.",
         )
 
@@ -89,7 +89,7 @@ def build(clips: Iterable[ClipRows], codes: dict[str, Array]) -> Database:
 
 
 def export(base: Database, model: Path, out: Path) -> Path:
-    """Write a model folder: the database, and the text side of the model whose prompts it is to understand."""
+    """Write a model folder: the database, and the text side of a model."""
     folders.copy_text_side(model, out)
     base.save(out / DATABASE)
     own: dict[str, Any] = {
@@ -105,7 +105,7 @@ def export(base: Database, model: Path, out: Path) -> Path:
 
 
 def standing(model: MatchingModel) -> list[float]:
-    """The output of the neutral row that stands stillest."""
+    """Return the output of the calmest standing row of neutral style."""
     base = model.database
     stands = base.features[:, 27 + Gait.STAND] > 0.5
     neutral = base.style == base.styles.index("neutral") if "neutral" in base.styles else stands
@@ -117,7 +117,7 @@ def standing(model: MatchingModel) -> list[float]:
 def make(order: Order, report: Report) -> Path:
     """Build the database and write its model folder."""
     if order.out.exists() and any(order.out.iterdir()) and not (order.out / DATABASE).exists():
-        raise UsageError(f"--out {order.out}: holds something else.", "Choose a new folder.")
+        raise UsageError(f"--out {order.out}: contains something else.", "Choose a new folder.")
     clips = [c for c in folders.training_clips(order.clips) if c.group != TERRAIN_GROUP]
     report(f"{len(clips)} clips")
     rows = [clip_rows(clip_frames(c.path)) for c in clips]

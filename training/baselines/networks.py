@@ -1,9 +1,9 @@
-"""The rivals' networks, from normalised x `(B, 472)` and style labels `(B, S)` to normalised y `(B, 473)`, and their phases.
+"""Networks of other methods, from normalised x `(B, 472)` and style labels `(B, S)` to normalised y `(B, 473)`; their phases.
 
-Phases come out of foot contacts, in five channels, as our phase windows have them: left heel, left toe, right heel, right toe
-(Mason et al. 2022 take the local phases of Starke et al. 2020; ours run from one onset of a contact to the next, without the
-fit of a sine), and the footstep phase of PFNN, which is 0 when the right foot comes down and half a turn when the left one
-does (Holden et al. 2017, Sec. 4.1).
+Phases are computed from foot contacts, in the five channels of our phase windows: left heel, left toe, right heel, right
+toe (Mason et al. 2022 use the local phases of Starke et al. 2020; here they run from one contact onset to the next, without
+fitting a sine), and the footstep phase of PFNN, 0 when the right foot lands and half a cycle when the left one does (Holden
+et al. 2017, Sec. 4.1).
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from training.networks.generator import Generator
 from training.presets import ModelConfig
 
 FOOTSTEP = 4  # channel
-IDLE_HZ = 0.5  # turns a second without any onset
-MAX_GAP_S = 2.0  # a longer time between two onsets is standing
+IDLE_HZ = 0.5  # phase rate without any onset
+MAX_GAP_S = 2.0  # longer intervals between onsets are standing
 
 
 def onsets(contact: NDArray[np.bool_]) -> NDArray[np.integer]:
-    """Frames at which a contact `(T,)` begins."""
+    """Return the frames at which a contact `(T,)` begins."""
     return np.flatnonzero(contact[1:] & ~contact[:-1]) + 1
 
 
 def through(frames: NDArray[np.integer], turns: Array, length: int) -> Array:
-    """Turns `(length,)` that have the given values at the given frames, straight between them, and go on at both ends."""
+    """Interpolate `turns` at `frames` linearly to `(length,)`, extrapolating both ends."""
     if len(frames) < 2:
         start = float(turns[0]) - IDLE_HZ * frames[0] / features.FPS if len(frames) else 0.0
         return start + IDLE_HZ * np.arange(length) / features.FPS
@@ -48,21 +48,21 @@ def through(frames: NDArray[np.integer], turns: Array, length: int) -> Array:
 
 
 def local_phase(contact: NDArray[np.bool_]) -> Array:
-    """Turns `(T,)` that are whole at every onset of a contact `(T,)`."""
+    """Return a phase `(T,)` in cycles, integer at every onset of a contact `(T,)`."""
     frames = onsets(contact)
     return through(frames, np.arange(len(frames), dtype=np.float64), len(contact))
 
 
 def footstep_phase(left: NDArray[np.bool_], right: NDArray[np.bool_]) -> Array:
-    """Turns `(T,)` that are whole when the right foot comes down, and a half more when the left one does.
+    """Return a phase `(T,)` in cycles, integer when the right foot lands, half-integer when the left one does.
 
-    Steps alternate: of two onsets of one foot in a row the phase makes a whole turn.
+    Between two consecutive onsets of the same foot the phase advances by a whole cycle.
     """
     steps = sorted([(int(f), 0.5) for f in onsets(left)] + [(int(f), 0.0) for f in onsets(right)])
     frames: list[int] = []
     turns: list[float] = []
     for frame, fraction in steps:
-        if frames and frame - frames[-1] < 2:  # both feet at once: a jump comes down
+        if frames and frame - frames[-1] < 2:  # both feet at once: landing of a jump
             continue
         last = turns[-1] if turns else -0.5
         ahead = (fraction - last) % 1.0
@@ -72,7 +72,7 @@ def footstep_phase(left: NDArray[np.bool_], right: NDArray[np.bool_]) -> Array:
 
 
 def phase_vectors(contacts: NDArray[np.bool_]) -> Array:
-    """Vectors `(T, 5, 2)` (sine, cosine) of contacts `(T, 4)` left heel, left toe, right heel, right toe; of standing, short ones."""
+    """Return phase vectors `(T, 5, 2)` (sine, cosine) of contacts `(T, 4)` left heel and toe, right heel and toe; short in standing."""
     turns = [local_phase(contacts[:, k]) for k in range(4)]
     turns.append(footstep_phase(contacts[:, 0] | contacts[:, 1], contacts[:, 2] | contacts[:, 3]))
     angle = 2.0 * np.pi * np.stack(turns, 1)
@@ -85,7 +85,7 @@ def phase_vectors(contacts: NDArray[np.bool_]) -> Array:
 
 
 def windows(vectors: Array) -> tuple[Array, Array]:
-    """Inputs' windows `(T, 13, 5, 2)` around the frame before each, and outputs' `(T, 7, 5, 2)` of each and its future."""
+    """Return phase windows: inputs `(T, 13, 5, 2)` around the previous frame, outputs `(T, 7, 5, 2)` from the present on."""
     at, last = np.arange(len(vectors)), len(vectors) - 1
     before = np.clip(at[:, None] - 1 + features.PHASE_OFFSETS, 0, last)
     after = np.clip(at[:, None] + features.FUTURE_PHASE_OFFSETS, 0, last)
@@ -101,7 +101,7 @@ HALF = L // 2
 
 
 def catmull_rom(knots: Tensor, phase: Tensor) -> Tensor:
-    """Phase function of PFNN (Holden et al. 2017, Eq. 7): control points `(4, ...)` at phases `(B,)` in radians, `(B, ...)`.
+    """Phase function of PFNN (Holden et al. 2017, Eq. 7): blends control points `(4, ...)` at phases `(B,)`, radians, to `(B, ...)`.
 
     Theta = a1 + w (a2 - a0)/2 + w^2 (a0 - 5/2 a1 + 2 a2 - a3/2) + w^3 (3/2 a1 - 3/2 a2 + a3/2 - a0/2), with w the fraction of the way
     from knot k1 to k2, k_n = floor(4 p / 2 pi) + n - 1 mod 4.
@@ -120,13 +120,13 @@ def catmull_rom(knots: Tensor, phase: Tensor) -> Tensor:
 
 
 def blended(weights: Tensor, biases: Tensor, blend: Tensor, x: Tensor) -> Tensor:
-    """Layer of blended experts: `(K, out, in)`, `(K, out)`, weights `(B, K)` and inputs `(B, in)` to `(B, out)`."""
+    """Apply a layer of blended experts: `(K, out, in)`, `(K, out)`, weights `(B, K)` and inputs `(B, in)` to `(B, out)`."""
     every = torch.einsum("koi,bi->bko", weights, x) + biases
     return (blend[..., None] * every).sum(1)
 
 
 class Baseline(nn.Module):
-    """A rival's network with the scales of x and y. `forward` takes and gives physical units."""
+    """Network of another method with the normalisation of x and y; `forward` uses physical units."""
 
     def __init__(self, styles: int) -> None:
         super().__init__()
@@ -140,17 +140,17 @@ class Baseline(nn.Module):
         self.y_deviation: Tensor
 
     def forward(self, x: Tensor, label: Tensor) -> Tensor:
-        """y of one frame."""
+        """Return y of one frame."""
         y = self.normalised((x - self.x_mean) / self.x_deviation, x, label)
         return y * self.y_deviation + self.y_mean
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
-        """Normalised y of normalised x; the phases are read off x itself."""
+        """Return normalised y of `scaled`, normalised x; phases are taken from x itself."""
         raise NotImplementedError
 
 
 def present_phase(x: Tensor) -> Tensor:
-    """Phase vectors `(B, 5, 2)` of the frame before, out of x `(B, 472)`."""
+    """Return the previous frame's phase vectors `(B, 5, 2)` in x `(B, 472)`."""
     return x[:, INPUT["phase"]].reshape(-1, L + 1, C, 2)[:, HALF]
 
 
@@ -171,18 +171,18 @@ class PhaseFunctioned(Baseline):
         self.dropout = nn.Dropout(dropout)
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
-        """The label changes nothing: PFNN has one style."""
+        """See `Baseline`; the label has no effect, as PFNN has one style."""
         now = present_phase(x)[:, FOOTSTEP]
         phase = torch.atan2(now[:, 0], now[:, 1])
         h = scaled[:, :MOTION_INPUT_SIZE]
         for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            # the knots' weights: it is linear in them
+            # weights of the control points, in which the function is linear
             blend = catmull_rom(torch.eye(KNOTS, device=x.device), phase)
             h = blended(w, b, blend, self.dropout(h))
             if number < len(self.weights) - 1:
                 h = functional.elu(h)
         start = OUTPUT["phase"].start
-        change = h[:, start] * 0.05 + 2.0 * math.pi / 60.0  # radians a frame; about one cycle a second
+        change = h[:, start] * 0.05 + 2.0 * math.pi / 60.0  # radians per frame; about one cycle per second
         vectors = footstep_window(phase, change)
         scaled_phase = (vectors - self.y_mean[OUTPUT["phase"]]) / self.y_deviation[OUTPUT["phase"]]
         rest = 0.0 * label.sum(1, keepdim=True)
@@ -190,17 +190,17 @@ class PhaseFunctioned(Baseline):
 
 
 def footstep_window(phase: Tensor, change: Tensor) -> Tensor:
-    """Vectors `(B, 70)` of the present and the coming second, all channels still but the footstep phase."""
+    """Return phase vectors `(B, 70)` of the present and the next second; only the footstep channel is non-zero."""
     ahead = 1.0 + 10.0 * torch.arange(HALF + 1, device=phase.device, dtype=phase.dtype)
     angle = phase[:, None] + change[:, None] * ahead
     footstep = torch.stack([torch.sin(angle), torch.cos(angle)], -1)[:, :, None]
-    # `len` would fix the batch of an exported graph
+    # `len` would make the batch size of an exported graph constant
     still = torch.zeros_like(footstep).expand(-1, -1, C - 1, -1)
     return torch.cat([still, footstep], 2).flatten(1)
 
 
 class FilmModulated(Baseline):
-    """Mason et al. (2022), reduced: experts blended by local phases, each hidden layer modulated by the style's gamma and beta (FiLM)."""
+    """Mason et al. (2022), simplified: experts blended by local phases, hidden layers modulated by the style (FiLM)."""
 
     def __init__(self, styles: int, hidden: int = 512, experts: int = 8, dropout: float = 0.1) -> None:
         super().__init__(styles)
@@ -214,7 +214,7 @@ class FilmModulated(Baseline):
             for i, o in itertools.pairwise(sizes)
         )
         self.biases = nn.ParameterList(nn.Parameter(torch.zeros(experts, o)) for o in sizes[1:])
-        # of each hidden layer and style: gamma - 1 and beta, at first neutral
+        # gamma - 1 and beta of each hidden layer and style, initially neutral
         self.film = nn.Parameter(torch.zeros(2, 2, styles, hidden))
         self.dropout = nn.Dropout(dropout)
 
@@ -231,7 +231,7 @@ class FilmModulated(Baseline):
 
 
 class StyleByLabel(Baseline):
-    """Our generator with the one-layer decoder, and a learnt vector for each style in the place of Z^t: no text."""
+    """Our generator with the one-layer decoder, and a learnt vector per style in place of Z^t, without text."""
 
     def __init__(self, styles: int, config: ModelConfig) -> None:
         super().__init__(styles)
@@ -241,5 +241,5 @@ class StyleByLabel(Baseline):
         self.codes = nn.Parameter(torch.randn(styles, config.style_size) / math.sqrt(config.style_size))
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
-        """y by E_d."""
+        """Return normalised y by E_d."""
         return self.generator.decode_mixture(scaled, label @ self.codes)[0]

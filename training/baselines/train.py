@@ -1,8 +1,8 @@
-"""Trains a rival network on imported clips and writes it as a model folder, as the viewer loads them.
+"""Trains the network of another method on imported clips and writes a model folder for the viewer.
 
     python -m training.ablations --clips DIR --out RUNS --only pfnn --baseline-steps 20000
 
-The loss is the mean squared error of normalised y, as all of these papers have it. The optimiser is AdamW with a cosine to zero.
+The loss is the mean squared error of normalised y, as in all of these papers. The optimiser is AdamW with cosine decay to zero.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from training.export.graph import export_graph
 from training.frames import PLAIN, ClipFrames, clip_frames
 from training.presets import preset
 
-MIN_DEVIATION = 1e-2  # of x and y in physical units: what never changes is not blown up
-MOST_FRAMES = 600_000  # clips are taken at random
-BATCH, MAX_LEARNING_RATE = 256, 1e-3  # of a step; of learning, at first
-MAX_INPUT_DEVIATIONS = 5.0  # deviations that a normalised input may have
+MIN_DEVIATION = 1e-2  # of x and y in physical units, so that constant entries are not amplified
+MAX_FRAMES = 600_000  # of randomly chosen clips
+BATCH, MAX_LEARNING_RATE = 256, 1e-3  # samples per step; initial rate
+MAX_INPUT_DEVIATIONS = 5.0  # limit of normalised inputs
 
 
 @dataclass(frozen=True)
 class LabelledFrames:
-    """Training frames of many clips: x `(N, 472)`, y `(N, 473)`, and the style of each."""
+    """Training frames of many clips: x `(N, 472)`, y `(N, 473)`, and their styles."""
 
     x: Array
     y: Array
@@ -47,7 +47,7 @@ class LabelledFrames:
 
 
 def frames_of(clip: ClipFrames) -> tuple[Array, Array]:
-    """x and y of a clip on its own ground, with phases out of its contacts."""
+    """Return x and y of a clip on its own ground, with phases from its contacts."""
     y = clip.y.astype(np.float32)
     x = np.zeros((len(y), INPUT_SIZE), np.float32)
     x[:, : INPUT["phase"].start] = clip.x
@@ -60,7 +60,7 @@ def frames_of(clip: ClipFrames) -> tuple[Array, Array]:
 
 
 def read_frames(folder: Path, method: Method, most: int, seed: int, report: Report) -> LabelledFrames:
-    """Frames of the captured clips that training sees, up to `most`, clips at random; FileError where there is none."""
+    """Read frames of random captured training clips, up to `most`; FileError if there are none."""
     xs, ys, labels, count = [], [], [], 0
     for clip in folders.training_clips(folder, seed):
         if not method.learns_from(clip):
@@ -82,15 +82,15 @@ def read_frames(folder: Path, method: Method, most: int, seed: int, report: Repo
 
 @dataclass(frozen=True)
 class Method:
-    """One rival: its network, and which clips it learns from."""
+    """A method: its network, and its choice of training clips."""
 
     name: str
-    network: Callable[[int], Baseline]  # of a number of styles
-    neutral: bool = False  # neutral styles alone, as one
+    network: Callable[[int], Baseline]  # from the number of styles
+    neutral: bool = False  # only neutral styles, as one label
     rollouts: bool = False  # terrain rollouts too
 
     def learns_from(self, clip: ClipInfo) -> bool:
-        """Return whether a clip is one of its kind."""
+        """Return whether a clip is among its training data."""
         kind = self.rollouts or clip.group != TERRAIN_GROUP
         return kind and (not self.neutral or clip.style.startswith(PLAIN))
 
@@ -105,7 +105,7 @@ METHODS = {
 
 
 def fit(network: Baseline, frames: LabelledFrames, steps: int, seed: int, report: Report) -> float:
-    """Train in place; the mean loss of the last tenth of the steps."""
+    """Train in place; returns the mean loss of the last tenth of the steps."""
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     sample = rng.choice(len(frames.x), min(len(frames.x), 20_000), replace=False)
@@ -137,12 +137,12 @@ def fit(network: Baseline, frames: LabelledFrames, steps: int, seed: int, report
 
 
 def scaled(network: Baseline, x: Tensor) -> Tensor:
-    """Normalised x, within `MAX_INPUT_DEVIATIONS`."""
+    """Return normalised x, clipped to ±`MAX_INPUT_DEVIATIONS`."""
     return ((x - network.x_mean) / network.x_deviation).clamp(-MAX_INPUT_DEVIATIONS, MAX_INPUT_DEVIATIONS)
 
 
 class LabelGraph(nn.Module):
-    """Z^t `(6, 64)` to the label of the nearest description, in the form of a folded style, and its speeds."""
+    """Maps Z^t `(6, 64)` to the label of the nearest description, in the format of a folded style, and to its speeds."""
 
     def __init__(self, codes: Array, labels: NDArray[np.integer], pace: Array) -> None:
         super().__init__()
@@ -155,7 +155,7 @@ class LabelGraph(nn.Module):
         self.pace: Tensor
 
     def forward(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """One-hot label `(S,)`, two empty tensors, and walking and jogging speed."""
+        """Return a one-hot label `(S,)`, two empty tensors, and walking and jogging speed."""
         away = (self.codes - z.reshape(1, -1)).square().sum(1)
         nearest = (away <= away.min()).to(z.dtype)
         label = (nearest[:, None] * self.labels).sum(0) / nearest.sum()
@@ -164,7 +164,7 @@ class LabelGraph(nn.Module):
 
 
 class BaselineStepGraph(nn.Module):
-    """A frame in the form of our step graph; noise and the empty tensors change nothing."""
+    """One frame with the interface of our step graph; noise and the empty tensors have no effect."""
 
     def __init__(self, network: Baseline) -> None:
         super().__init__()
@@ -173,7 +173,7 @@ class BaselineStepGraph(nn.Module):
     def forward(
         self, x: Tensor, noise: Tensor, front_bias: Tensor, content_weight: Tensor, content_bias: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """y and a weight of one."""
+        """Return y and a weight of one."""
         network = self.network
         label = front_bias.expand(x.shape[0], -1) + 0.0 * (content_weight.sum() + content_bias.sum())
         y = network.normalised(scaled(network, x), x, label)
@@ -183,7 +183,7 @@ class BaselineStepGraph(nn.Module):
 
 
 def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, notes: dict[str, Any]) -> Path:
-    """Write a model folder: our three graphs, of which the text side is that of `model`."""
+    """Write a model folder with our three graphs; the text side is that of `model`."""
     folders.copy_text_side(model, out)
     codes = folders.style_codes(model, frames.styles)
     labels = np.repeat(np.arange(len(frames.styles)), [len(codes[s]) for s in frames.styles])
@@ -212,9 +212,9 @@ def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, no
 
 
 def make(order: Order, report: Report) -> Path:
-    """Train and export."""
+    """Train and export a method."""
     method = METHODS[order.method]
-    frames = read_frames(order.clips, method, MOST_FRAMES, order.seed, report)
+    frames = read_frames(order.clips, method, MAX_FRAMES, order.seed, report)
     torch.manual_seed(order.seed)
     network = method.network(len(frames.styles))
     loss = fit(network, frames, order.steps, order.seed, report)

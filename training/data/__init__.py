@@ -1,1 +1,1 @@
-"""Motion data: from archives of BVH files to retargeted clips of the SPORT skeleton at 60 Hz."""
+"""Motion data: archives of BVH files, retargeted to clips of the SPORT skeleton at 60 Hz."""

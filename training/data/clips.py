@@ -1,4 +1,4 @@
-"""A training clip: a labelled motion of the SPORT skeleton, and height patches under it that agree with its footsteps."""
+"""Training clips: labelled motion of the SPORT skeleton, with ground patches that fit its footsteps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RELIEF_MARGIN_M = 2.5
 
 @dataclass(frozen=True)
 class Patches:
-    """K grounds on one grid: `heights` `(K, n, m)` metres, [0, 0] at `origin` (x, z), `cell` metres apart."""
+    """K height maps on one grid: `heights` `(K, n, m)` metres, [0, 0] at `origin` (x, z), `cell` metres apart."""
 
     heights: Array
     origin: tuple[float, float]
@@ -30,21 +30,21 @@ class Patches:
 
     @staticmethod
     def of(clip: Mapping[str, Array]) -> Patches:
-        """The grounds of a clip file."""
+        """Read the patches of a clip file."""
         x, z = map(float, clip["patch_origin"])
         return Patches(clip["patch_heights"], (x, z), float(clip["patch_cell"]))
 
     def terrain(self, k: int = 0, name: str = "patch") -> Terrain:
-        """Patch `k` as a terrain."""
+        """Return patch `k` as a terrain."""
         return Terrain(name, self.heights[k].astype(np.float32), self.cell, self.origin)
 
     def mirrored(self) -> Patches:
-        """The grounds reflected through the plane X = 0."""
+        """Return the patches reflected at the plane X = 0."""
         width = (self.heights.shape[1] - 1) * self.cell
         return Patches(self.heights[:, ::-1].copy(), (-(self.origin[0] + width), self.origin[1]), self.cell)
 
 
-CLIP_TEXTS = ("style", "content", "source", "split", "tier")  # of a clip and of its file
+CLIP_TEXTS = ("style", "content", "source", "split", "tier")  # text fields of a clip and of its file
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class TrainingClip:
     mirrored: bool = False
 
     def mirror(self) -> TrainingClip:
-        """The clip reflected through X = 0, named `<name>_m`."""
+        """Return the clip reflected at the plane X = 0, named `<name>_m`."""
         hips, local = mirror_motion(self.hips, self.local)
         return replace(
             self,
@@ -98,7 +98,7 @@ class TrainingClip:
 def grid_under(
     positions: Array, margin: float, cell: float = CELL_M
 ) -> tuple[tuple[float, float], tuple[int, int]]:
-    """Origin and size of a grid that covers joint positions `(T, J, 3)` and `margin` metres around."""
+    """Return origin and size of a grid that covers joint positions `(T, J, 3)` and `margin` metres around."""
     low = positions[..., [0, 2]].reshape(-1, 2).min(0) - margin
     high = positions[..., [0, 2]].reshape(-1, 2).max(0) + margin
     n, m = (int(v) for v in np.ceil((high - low) / cell) + 1)
@@ -106,13 +106,13 @@ def grid_under(
 
 
 def load_rollout_terrain(path: Path) -> tuple[Array, float]:
-    """Heights `(n, m)` and cell, both in metres, of a height map of the rollouts."""
+    """Read heights `(n, m)` and cell size, both in metres, of a height map of the rollouts."""
     with open_npz(path, "Unpack the archive again.") as data:
         return np.asarray(data["height_cm"], np.float64) * 0.01, float(data["cell_cm"]) * 0.01
 
 
 def wrapped_height(heights: Array, cell: float, x: Array, z: Array) -> Array:
-    """Bilinear height at x, z of a map centred on the origin that repeats at its edges."""
+    """Return the bilinear height at x, z of a periodic map centred on the origin."""
     n, m = heights.shape
     u, v = np.asarray(x) / cell + n / 2, np.asarray(z) / cell + m / 2
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
@@ -124,7 +124,7 @@ def wrapped_height(heights: Array, cell: float, x: Array, z: Array) -> Array:
 
 
 def crop_rollout(heights: Array, cell: float, positions: Array) -> Patches:
-    """The part of a wrapping height map that lies around a clip, in cells of 10 cm."""
+    """Crop a periodic height map to the surroundings of a clip, in cells of 10 cm."""
     origin, (n, m) = grid_under(positions, RELIEF_MARGIN_M, 0.1)
     x = origin[0] + np.arange(n)[:, None] * 0.1
     z = origin[1] + np.arange(m)[None, :] * 0.1

@@ -1,4 +1,4 @@
-"""Contact sheets: frames of imported clips as bone figures, to see errors that numbers hide.
+"""Contact sheets: frames of imported clips as stick figures, to see errors that numbers hide.
 
 `python -m training.data.contact_sheet --dataset DIR --out SHEETS`
 """
@@ -28,7 +28,7 @@ _COLOURS = {
 
 
 def draw_sheet(paths: list[Path], out: Path) -> None:
-    """Draw up to `FRAMES` frames of every clip, one clip in a row: left limbs orange, right limbs blue."""
+    """Draw up to `FRAMES` frames of every clip, one clip per row: left limbs orange, right limbs blue."""
     from matplotlib import pyplot
 
     figure, grid = pyplot.subplots(
@@ -61,7 +61,7 @@ def _draw_row(row: Array, clip: np.lib.npyio.NpzFile) -> None:
 
 
 def _draw_ground(axis: Any, terrain: Terrain, centre: Array, yaw: float) -> None:
-    """Grid lines of the ground around the figure, in the figure's frame."""
+    """Draw grid lines of the ground around the figure, in the figure's frame."""
     along = np.linspace(-0.6, 0.6, 25)
     for offset in np.linspace(-0.6, 0.6, 9):
         for x, z in ((along, np.full_like(along, offset)), (np.full_like(along, offset), along)):
@@ -80,7 +80,7 @@ def _project(p: Array) -> tuple[Array, Array]:
 
 
 def draw_figure(axis: Any, p: Array, contacts: Array) -> None:
-    """One pose `(31, 3)` in the figure's own frame as bones, seen from the front left; points in contact are green."""
+    """Draw the bones of a pose `(31, 3)` in the figure's frame, from the front left; contacts are green."""
     for part, joints in PART_JOINTS.items():
         for j in joints:
             parent = SPORT_SKELETON.parents[j]
@@ -95,7 +95,7 @@ def draw_figure(axis: Any, p: Array, contacts: Array) -> None:
 
 
 def main() -> None:
-    """Command line: one sheet per source."""
+    """Run the command line: one sheet per source."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--dataset", type=Path, required=True, help="folder that the importer wrote")
     parser.add_argument("--out", type=Path, required=True)

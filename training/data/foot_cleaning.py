@@ -1,4 +1,4 @@
-"""Feet that stand where they stand: contacts locked in place and put on the ground, legs solved by IK."""
+"""Foot cleaning: feet in contact are fixed in place on the ground, and legs follow by IK."""
 
 from __future__ import annotations
 
@@ -18,23 +18,22 @@ GroundHeight = Callable[[Array, Array], Array]
 
 _FOOT_LENGTH = float(np.linalg.norm(FOOT_OFFSET))
 _REST_ELEVATION = float(np.arcsin(FOOT_OFFSET[1] / _FOOT_LENGTH))
-_FLOAT = 0.001  # m by which a foot may hang over its place: hips that sink so far bend a straight knee by 5 degrees
-# of the leg's length: 8 degrees, from which a knee is not to become straighter than it was
-_STRAIGHT = 0.9975
-_HEEL_OFF = np.deg2rad(6.0)  # of pitch, from which a heel over standing toes counts as raised
+_FLOAT_M = 0.001  # that a foot may float above its target: sinking hips instead would bend a straight knee by 5 degrees
+# of the leg's length (knee flexion 8 degrees): beyond, a knee must not become straighter than it was
+_STRAIGHT_FRACTION = 0.9975
+_HEEL_OFF = np.deg2rad(6.0)  # pitch above which a heel counts as raised while the toes stand
 _MAX_TURN = np.deg2rad(40.0)
-_SWING_ANKLE = 0.05  # m: least height of the ankle of a foot in the air
+_MIN_SWING_ANKLE_M = 0.05  # minimum ankle height of a foot in the air
 _THIGHS, _ANKLES, _TOES = [2, 7], [4, 9], [5, 10]
 
 
 def clean_feet(
     hips: Array, local: Array, contacts: NDArray[np.uint8], ground: GroundHeight
 ) -> tuple[Array, Array]:
-    """Hips `(T, 3)` and local rotations `(T, 31, 4)` with planted, unsliding feet on `ground(x, z)`.
+    """Return hips `(T, 3)` and local rotations `(T, 31, 4)` with planted feet that do not slide on `ground(x, z)`.
 
-    Feet in contact keep one place and rest on the ground, a flat foot follows its slope; the correction fades
-    through the swing. Heels over standing toes rise so far that the leg stays as long as it was; where one is still too
-    short the hips sink.
+    Feet in contact keep their position on the ground, and flat feet follow its slope; the correction is blended over the
+    swing. Over standing toes the heel rises until the leg has its former length; if a leg is still too short the hips sink.
     """
     hips, local = hips.astype(np.float64), local.astype(np.float64)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
@@ -60,15 +59,15 @@ def clean_feet(
 
 
 def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last-plus-one index of every run of True."""
+    """Return first and end index of every run of True."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:
-    """Fill the gaps of `values` `(T, n)` between stretches of `known` by cubic Hermite curves, ends held.
+    """Fill the gaps of `values` `(T, n)` between stretches of `known` by cubic Hermite curves, constant at the ends.
 
-    With `hold_slope` a gap begins and ends with the slope of its neighbours, otherwise level.
+    With `hold_slope` a gap begins and ends with the slope of its neighbours, otherwise with slope 0.
     """
     result = values.copy()
     runs = stretches(known)
@@ -96,9 +95,9 @@ def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:
 def _carrying(
     ankle: Array, toe: Array, contact: NDArray[np.bool_], ground: GroundHeight
 ) -> NDArray[np.bool_]:
-    """Contacts `(T, 2)` of heel and toe without heels that have begun to rise: pressed down they would stretch the leg.
+    """Return contacts `(T, 2)` of heel and toe without rising heels: pressing those down would stretch the leg.
 
-    Raised is a heel over this ground and over level ground: feet captured on a floor do not yet follow a slope.
+    A heel counts as raised relative to both this ground and level ground: feet captured on a floor ignore slopes.
     """
     flat = np.minimum(_slope(ankle, toe, ground), _REST_ELEVATION)
     rise = flat - _pitch(ankle, toe)
@@ -107,7 +106,7 @@ def _carrying(
 
 
 def _slope(ankle: Array, toe: Array, ground: GroundHeight) -> Array:
-    """Elevation from ankle to toe of a foot that lies flat on the ground, radians."""
+    """Return the elevation from ankle to toe of a foot flat on the ground, radians."""
     rise = ground(toe[:, 0], toe[:, 2]) - ground(ankle[:, 0], ankle[:, 2])
     return np.arcsin(np.clip((rise + FOOT_OFFSET[1]) / _FOOT_LENGTH, -0.9, 0.9))
 
@@ -117,7 +116,7 @@ def _pitch(ankle: Array, toe: Array) -> Array:
 
 
 def _standing_shift(before: Array, after: Array, contacts: NDArray[np.bool_]) -> Array:
-    """What standing ankles were lifted in the median, as a vector: lifted along, the hips leave the legs their length."""
+    """Return the median lift of standing ankles as a vector: hips lifted by it preserve the legs' length."""
     lifts = (after - before)[..., 1][contacts.any(-1)]
     return np.array([0.0, float(np.median(lifts)) if len(lifts) else 0.0, 0.0])
 
@@ -125,7 +124,7 @@ def _standing_shift(before: Array, after: Array, contacts: NDArray[np.bool_]) ->
 def _raise_heel(
     hip: Array, ankle: Array, foot: Array, length: Array, contact: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Ankle `(T, 3)` and foot `(T, 4)` of a leg of `length` `(T,)` where the toe alone carries."""
+    """Return ankle `(T, 3)` and foot `(T, 4)`, with the heel raised to leg `length` `(T,)` where only the toe bears weight."""
     from scipy.ndimage import gaussian_filter1d
 
     alone = gaussian_filter1d((contact[:, 1] & ~contact[:, 0]).astype(np.float64), 2.0)
@@ -137,7 +136,7 @@ def _raise_heel(
 def _clean_foot(
     ankle: Array, toe: Array, foot: Array, contact: NDArray[np.bool_], ground: GroundHeight
 ) -> tuple[Array, Array]:
-    """Targets of one ankle `(T, 3)` and rotations of that foot `(T, 4)`; `contact` `(T, 2)` is heel, toe."""
+    """Return targets of one ankle `(T, 3)` and rotations of that foot `(T, 4)`; `contact` `(T, 2)` is heel, toe."""
     from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
     planted = np.any(contact, axis=1)
@@ -150,7 +149,7 @@ def _clean_foot(
     foot = pitched(foot, turn)
     toe = ankle + rotations.rotate(foot, FOOT_OFFSET)
 
-    # the joint that carries decides the height; while both do, they agree after the turn
+    # the joint in contact determines the height; if both are, they agree after the rotation
     error = np.where(
         contact[:, 1], under_toe + TOE_HEIGHT - toe[:, 1], under_ankle + ANKLE_HEIGHT - ankle[:, 1]
     )
@@ -159,14 +158,14 @@ def _clean_foot(
     toe[:, 1] += lift
     depth = np.maximum(
         ground(toe[:, 0], toe[:, 2]) + TOE_HEIGHT - toe[:, 1],
-        np.where(contact[:, 0], ANKLE_HEIGHT, _SWING_ANKLE) + under_ankle - ankle[:, 1],
+        np.where(contact[:, 0], ANKLE_HEIGHT, _MIN_SWING_ANKLE_M) + under_ankle - ankle[:, 1],
     )
     ankle[:, 1] += gaussian_filter1d(maximum_filter1d(np.maximum(depth, 0.0), 7), 1.5)
     return ankle, foot
 
 
 def _slide_correction(ankle: Array, toe: Array, contact: NDArray[np.bool_]) -> Array:
-    """Horizontal displacement `(T, 3)` that keeps the carrying joints of every stance in place."""
+    """Return the horizontal displacement `(T, 3)` that fixes the contact joints of every stance."""
     weights = contact / np.maximum(contact.sum(1, keepdims=True), 1)
     steps = np.stack([np.diff(ankle, axis=0), np.diff(toe, axis=0)], axis=1)
     moved = np.sum(steps * weights[1:, :, None], axis=1) * np.array([1.0, 0.0, 1.0])
@@ -179,13 +178,13 @@ def _slide_correction(ankle: Array, toe: Array, contact: NDArray[np.bool_]) -> A
 
 
 def _sink_to_reach(hips: Array, thighs: Array, ankles: Array, lengths: Array) -> Array:
-    """Hips lowered smoothly where a leg would have to become longer than it was (`lengths` `(T, 2)`), nearly straight."""
+    """Lower the hips smoothly where a nearly straight leg would become longer than it was (`lengths` `(T, 2)`)."""
     from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
     gap = ankles - thighs
     across = np.linalg.norm(gap[..., [0, 2]], axis=-1)
-    reach = np.clip(lengths, _STRAIGHT * LEG_LENGTH, MAX_REACH * LEG_LENGTH)
+    reach = np.clip(lengths, _STRAIGHT_FRACTION * LEG_LENGTH, MAX_REACH * LEG_LENGTH)
     allowed = np.sqrt(np.maximum(reach**2 - across**2, 0.01))
-    missing = np.clip((-gap[..., 1] - allowed).max(axis=1) - _FLOAT, 0.0, 0.25)
+    missing = np.clip((-gap[..., 1] - allowed).max(axis=1) - _FLOAT_M, 0.0, 0.25)
     sink = gaussian_filter1d(maximum_filter1d(missing, 9), 3.0)
     return hips - np.stack([np.zeros_like(sink), sink, np.zeros_like(sink)], axis=1)

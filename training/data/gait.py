@@ -1,6 +1,6 @@
-"""Gait biomechanics of walking BVH: is the walk alive? The same measures for raw capture and for what is exported.
+"""Gait biomechanics of a walk in a BVH: the same measures for raw capture and for exports.
 
-Lengths are scaled to a leg of 0.82 m (hip, knee, ankle), angles are degrees; each is taken over the steady walking part.
+Lengths are scaled to a leg of 0.82 m (hip, knee, ankle), angles are degrees; all refer to the steady walking part.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from runtime.takes.clip import Clip
 Measured = TypeVar("Measured")
 
 LEG_M = 0.82
-MIN_SPEED, MAX_SPEED = 0.55, 2.2  # m/s: slower is standing, faster is running
-LOW, HIGH = 3.0, 97.0  # percentiles of a range
-LEAST_STRIDES, STRIDE_SAMPLES = 5, 50
+MIN_SPEED, MAX_SPEED = 0.55, 2.2  # m/s of the hips: slower is standing, faster is running
+LOW_PERCENTILE, HIGH_PERCENTILE = 3.0, 97.0  # that bound a range of motion
+MIN_STRIDES, STRIDE_SAMPLES = 5, 50
 STRIDE_S = (0.7, 2.2)  # a stride is two steps
-STRIKES_APART, LEAST_STRIDE_M = 0.2, 0.1  # seconds; metres of the foot ahead of the hips
-STRAIGHT = 0.6  # radians a second
+MIN_STRIKE_INTERVAL_S, MIN_STRIDE_M = 0.2, 0.1  # between heel strikes; foot ahead of the hips
+STRAIGHT_RAD_PER_S = 0.6  # turn of a straight walk
 _UP = np.array([0.0, 1.0, 0.0])
 
 
 def _names() -> dict[str, tuple[str, ...]]:
-    """Our key of a joint to its names in known files, lower case, the first that is there counts."""
+    """Map our joint keys to lower-case names in known files; the first one present is used."""
     names = {"hips": ("hips", "hip"), "neck": ("neck", "neck1"), "head": ("head",)}
     for c, side in (("l", "left"), ("r", "right")):
         names |= {
@@ -57,7 +57,7 @@ class GaitJoints:
 
     @staticmethod
     def of(motion: BvhMotion, first_frame: int = 0) -> GaitJoints:
-        """Read a BVH of any known skeleton, at 60 frames a second or its own rate where that is lower."""
+        """Read a BVH of any known skeleton, at 60 frames per second or its own rate if lower."""
         positions = motion.world()[0][first_frame:].astype(np.float64)
         low = [n.lower().split(":")[-1] for n in motion.skeleton.names]
         found: dict[str, Array] = {}
@@ -69,7 +69,7 @@ class GaitJoints:
 
     @staticmethod
     def scaled(points: dict[str, Array], fps: float) -> GaitJoints:
-        """Points brought to a leg of LEG_M."""
+        """Scale points to a leg of LEG_M."""
         p = points
         leg = np.median(_norm(p["lh"] - p["lk"]) + _norm(p["lk"] - p["la"]))
         step = round(fps / 60) if fps > 61 else 1
@@ -77,7 +77,7 @@ class GaitJoints:
 
 
 def measure_file(path: Path, first_frame: int = 0) -> dict[str, float] | None:
-    """`measure` of a BVH file."""
+    """Measure a BVH file, see `measure`."""
     return measure(GaitJoints.of(read_bvh(path), first_frame))
 
 
@@ -88,7 +88,7 @@ def measured_exports(clips: Iterable[Clip], measured: Callable[[Path], Measured]
 
 
 def walking(joints: GaitJoints) -> NDArray[np.bool_]:
-    """Frames `(T,)` that walk at a walking pace, without the first second."""
+    """Return frames `(T,)` at walking speed, without the first second."""
     hips, fps = joints.points["hips"], joints.fps
     if len(hips) <= int(fps * 0.5):
         return np.zeros(len(hips), bool)
@@ -99,16 +99,16 @@ def walking(joints: GaitJoints) -> NDArray[np.bool_]:
 
 
 def _speed(hips: Array, fps: float) -> Array:
-    """Metres a second over the ground `(T,)`, each over half a second."""
+    """Return the horizontal speed `(T,)` in m/s, over half a second."""
     n = int(fps * 0.5)
     v = _norm((hips[n:] - hips[:-n])[:, [0, 2]]) / (n / fps)
     return np.concatenate([v[:1].repeat(n // 2), v, v[-1:].repeat(len(hips) - len(v) - n // 2)])
 
 
 def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[str, float] | None:
-    """Measures over the walking frames, of body and limbs over those that go straight; None where fewer than two seconds walk.
+    """Return measures over walking frames; None if they are fewer than two seconds.
 
-    In a curve a body leans and turns further.
+    Body and limbs are measured on straight walking only, because in a curve a body leans and turns further.
     """
     fps = joints.fps
     m = walking(joints) if mask is None else mask
@@ -122,8 +122,8 @@ def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[s
     heading /= _norm(heading)[:, None]
     side = np.cross(_UP, heading)
     turn = np.abs(np.gradient(np.unwrap(np.arctan2(heading[:, 0], heading[:, 2])))) * fps
-    straight = m & (_second(turn, fps) < STRAIGHT)
-    if straight.sum() < 2 * fps:  # walks in curves alone
+    straight = m & (_second(turn, fps) < STRAIGHT_RAD_PER_S)
+    if straight.sum() < 2 * fps:  # walks only in curves
         straight = m
     result = _pace(p, heading, m, fps)
     result |= _trunk(p, forward, heading, side, straight, fps)
@@ -190,10 +190,10 @@ def _feet(p: dict[str, Array], m: NDArray[np.bool_]) -> dict[str, float]:
 def _variation(
     p: dict[str, Array], heading: Array, side: Array, turn: Array, m: NDArray[np.bool_], fps: float
 ) -> dict[str, float]:
-    """How strides that go straight differ from each other, centimetres: both hands on their way, the highest place of a
-    hand, the left step's length. Nothing of fewer than `LEAST_STRIDES`."""
+    """Return the variation between straight strides, cm: of the paths of both hands, the highest point of a hand, and the
+    left step length. Empty for fewer than `MIN_STRIDES`."""
     strides = _straight_strides(p, heading, turn, m, fps)
-    if len(strides) < LEAST_STRIDES:
+    if len(strides) < MIN_STRIDES:
         return {}
     hands, tops = [], []
     for key in ("lw", "rw"):
@@ -214,23 +214,23 @@ def _variation(
 def _straight_strides(
     p: dict[str, Array], heading: Array, turn: Array, m: NDArray[np.bool_], fps: float
 ) -> list[tuple[int, int]]:
-    """First and last frame of every stride, from the left foot farthest ahead to the next time, that walks straight on."""
+    """Return first and last frame of all straight strides, between frames with the left foot farthest ahead."""
     from scipy.ndimage import maximum_filter1d
 
-    ahead, near = _dot(p["la"] - p["hips"], heading), int(STRIKES_APART * fps)
+    ahead, near = _dot(p["la"] - p["hips"], heading), int(MIN_STRIKE_INTERVAL_S * fps)
     farthest = maximum_filter1d(ahead, 2 * near + 1)
-    strikes = np.flatnonzero((ahead == farthest) & (ahead > LEAST_STRIDE_M))
+    strikes = np.flatnonzero((ahead == farthest) & (ahead > MIN_STRIDE_M))
     return [
         (int(first), int(last))
         for first, last in pairwise(strikes)
         if STRIDE_S[0] < (last - first) / fps < STRIDE_S[1]
         and m[first:last].all()
-        and turn[first:last].max() < STRAIGHT
+        and turn[first:last].max() < STRAIGHT_RAD_PER_S
     ]
 
 
 def median(measured: Iterable[dict[str, float]]) -> dict[str, float]:
-    """The median of every measure over those that have it."""
+    """Return the median of every measure over the entries that have it."""
     values: dict[str, list[float]] = {}
     for key, value in (item for m in measured for item in m.items()):
         values.setdefault(key, []).append(value)
@@ -238,13 +238,13 @@ def median(measured: Iterable[dict[str, float]]) -> dict[str, float]:
 
 
 def _second(values: Array, fps: float) -> Array:
-    """Mean over a second around every frame."""
+    """Return the moving average over one second."""
     k = int(fps) | 1
     return np.convolve(np.pad(values, k // 2, mode="edge"), np.ones(k) / k, "valid")
 
 
 def _percentiles(values: Array) -> tuple[float, float]:
-    low, high = np.percentile(values, [LOW, HIGH])
+    low, high = np.percentile(values, [LOW_PERCENTILE, HIGH_PERCENTILE])
     return float(low), float(high)
 
 
@@ -262,5 +262,5 @@ def _norm(v: Array) -> Array:
 
 
 def angle(a: Array, b: Array) -> Array:
-    """Degrees `(...)` between vectors `(..., 3)`."""
+    """Return the angle `(...)` in degrees between vectors `(..., 3)`."""
     return np.degrees(np.arccos(np.clip(_dot(a, b) / (_norm(a) * _norm(b)), -1.0, 1.0)))

@@ -1,7 +1,7 @@
 """Import motion archives: `python -m training.data.importer --data DIR --out DIR`.
 
-Every file is read, retargeted, labelled, cut, its feet are cleaned, and ground is put under it. What differs between
-archives is in `training.data.sources`.
+Every file is read, retargeted, labelled and cut, its feet are cleaned, and ground is fitted under it. The differences
+between archives are in `training.data.sources`.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ _PFNN_GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.JOG, Gait.CROUCH, Gait.JUMP
 
 
 def import_all(data: Path, out: Path, workers: int | None = None, free_only: bool = False) -> Report:
-    """Retarget everything below `data` to `out/clips` and write `out/report.json`. FileError when nothing is there.
+    """Retarget everything below `data` to `out/clips` and write `out/report.json`. FileError if nothing is found.
 
-    `free_only` leaves out archives with a non-commercial licence. `workers` are processes, by default one a core.
+    `free_only` omits archives with a non-commercial licence. `workers` are processes, by default one per core.
     """
     clips, refused = list_clips(unpack(data, out / "unpacked"), free_only)
     folder = out / "clips"
@@ -57,7 +57,7 @@ def import_all(data: Path, out: Path, workers: int | None = None, free_only: boo
 
 
 def unpack(data: Path, folder: Path) -> Path:
-    """`data` itself when its archives lie there unpacked, else `folder` with every `NAME.tar.xz` unpacked into it."""
+    """Return `data` if its archives are unpacked there, else `folder` with every `NAME.tar.xz` unpacked into it."""
     archives = [a for a in (data / f"{s}.tar.xz" for s in BY_NAME) if a.is_file()]
     if all(source_folder(data, a.name.removesuffix(".tar.xz")) for a in archives):
         return data
@@ -69,7 +69,7 @@ def unpack(data: Path, folder: Path) -> Path:
 
 
 def _unpack(archive: Path, target: Path) -> None:
-    """One archive into a new folder; FileError where it is damaged or unpacks to too much."""
+    """Unpack an archive into a new folder; FileError if it is damaged or too large."""
     import tarfile
 
     try:
@@ -108,7 +108,7 @@ def _calibrate(group: list[ClipSource]) -> FootCalibration:
         try:
             sources.append(load(clip)[1])
         except SportError:
-            continue  # import_clip meets the same error and reports it
+            continue  # import_clip gets the same error and reports it
     return calibrate_feet(sources)
 
 
@@ -123,7 +123,7 @@ def _calibration_row(c: FootCalibration) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class ImportJob:
-    """One file and what must be known to import it."""
+    """One file and the parameters of its import."""
 
     clip: ClipSource
     feet: FootCalibration
@@ -145,14 +145,14 @@ class _Motion:
         return _Motion(**{name: values[start:end] for name, values in vars(self).items()})
 
     def cleaned(self, ground: GroundHeight) -> _Motion:
-        """The motion with feet that stand on `ground`."""
+        """Return the motion with cleaned feet on `ground`."""
         hips, local = clean_feet(self.hips, self.local, self.contacts, ground)
         positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
         return replace(self, hips=hips, local=local, positions=positions)
 
 
 def load(clip: ClipSource) -> tuple[SourceSkeleton, SourceMotion]:
-    """Read a file and bring it to 60 Hz; FileError when it cannot be read or its skeleton is unknown."""
+    """Read a file and bring it to 60 Hz; FileError if it cannot be read or its skeleton is unknown."""
     record = BY_NAME[clip.source]
     motion = record.read(clip.path)
     skeleton = skeleton_of(clip, motion)
@@ -161,7 +161,7 @@ def load(clip: ClipSource) -> tuple[SourceSkeleton, SourceMotion]:
 
 
 def import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
-    """Import one file, write its clips and their mirror images, and say what became of it."""
+    """Import one file, and write its clips and their mirror images; returns summaries and refusals."""
     try:
         return _import_clip(job)
     except SportError as error:
@@ -193,7 +193,7 @@ def _import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
 def _versions(
     job: ImportJob, name: str, split: str, motion: _Motion, rollout: _Rollout | None
 ) -> list[TrainingClip]:
-    """The clip, its copy on hills or stairs where it was captured on a floor and moves, and the mirror images."""
+    """Return the clip, a copy on hills or stairs if it moves over a floor, and mirror images of both."""
     clip = job.clip
     generator = np.random.default_rng(int(cutting.hash_fraction(name) * 2**48))
     on_terrain: tuple[_Motion, Patches, str] | None = None
@@ -207,7 +207,7 @@ def _versions(
         motion = motion.cleaned(lambda x, z: np.zeros_like(x))
         patches = relief.fit_around_steps(motion.positions, motion.contacts, generator)
         way = np.ptp(motion.positions[:, 0, [0, 2]], axis=0)
-        # relief under a standing figure teaches nothing new
+        # relief under a standing figure is useless for training
         if np.linalg.norm(way) > 1.0 and BY_NAME[clip.source].slide == 1.0:
             on_terrain = _on_terrain(motion, generator)
 
@@ -230,17 +230,17 @@ def _on_terrain(motion: _Motion, generator: np.random.Generator) -> tuple[_Motio
     hips[:, 1] += relief.root_lift(motion.positions, motion.contacts, patches)
     lifted = replace(motion, hips=hips).cleaned(patches.terrain().height)
     if cutting.spikes(lifted.hips, lifted.local, lifted.positions, "exact").any():
-        return None  # a leg too short for this ground snaps
+        return None  # a leg is too short for this ground and snaps
     return lifted, patches, kind
 
 
 def _split(job: ImportJob, parts: list[tuple[int, int]]) -> list[tuple[int, int, str]]:
-    """Give each part its split; a long take that is unique in its style and content gives its tail to evaluation."""
+    """Assign splits to parts; a long take, the only one of its style and content, has a held-out tail."""
     if not BY_NAME[job.clip.source].long_takes:
         return [(a, b, "held_out" if job.held_out else "train") for a, b in parts]
     result = []
     for a, b in parts:
-        if b - a >= cutting.TAIL_SECONDS * FPS:
+        if b - a >= cutting.TAIL_S * FPS:
             result += cutting.tail_split(a, b)
         else:
             result.append((a, b, "train"))
@@ -253,7 +253,7 @@ def _losses(
     kept, cut = sum(b - a for a, b, _ in parts), int(bad.sum())
     reasons = []
     if not parts:
-        reasons.append(f"nothing of {cutting.MIN_SECONDS} s left of {frames / FPS:.1f} s")
+        reasons.append(f"nothing of {cutting.MIN_PART_S} s left of {frames / FPS:.1f} s")
     elif cut:
         reasons.append(f"spikes cut: {cut} frames")
     if parts and frames - kept - cut > FPS:
@@ -263,7 +263,7 @@ def _losses(
 
 @dataclass(frozen=True)
 class _Rollout:
-    """What accompanies a rollout: its height map in metres and the network's labels."""
+    """Data of a rollout besides its motion: height map in metres and the network's labels."""
 
     heights: Array
     cell: float
@@ -281,7 +281,7 @@ def _read_rollout(clip: ClipSource) -> _Rollout:
 
 
 def _label(clip: ClipSource, positions: Array, rollout: _Rollout | None) -> tuple[NDArray[np.uint8], Array]:
-    """Contacts `(T, 4)` and gait `(T, 6)` of a whole take."""
+    """Return contacts `(T, 4)` and gait `(T, 6)` of a whole take."""
     if rollout is not None:
         return _label_rollout(rollout, positions)
     if clip.terrain == "contacts":
@@ -305,7 +305,7 @@ def _label_rollout(rollout: _Rollout, positions: Array) -> tuple[NDArray[np.uint
 
 
 def _pfnn_gait(path: Path, frames: int) -> Array:
-    """Gait of a PFNN take: eight columns at 120 Hz, merged as its authors do (jog and run, crouch and crawl)."""
+    """Read the gait of a PFNN take: eight columns at 120 Hz, merged as by its authors (jog and run, crouch and crawl)."""
     try:
         table = np.loadtxt(path)[::2]
     except (OSError, ValueError) as error:
@@ -321,8 +321,8 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder with the archives or their contents")
-    parser.add_argument("--out", type=Path, required=True, help="where clips/ and report.json go")
-    parser.add_argument("--workers", type=int, help="processes (default: one a core)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for clips/ and report.json")
+    parser.add_argument("--workers", type=int, help="processes (default: one per core)")
     parser.add_argument("--report", type=Path, help="also write the report as Markdown to this file")
     options = parser.parse_args()
     report = import_all(options.data, options.out, options.workers)

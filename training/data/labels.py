@@ -12,26 +12,26 @@ from training.data.retarget import FPS, speed
 
 FOOT_JOINTS = (4, 5, 9, 10)  # left heel (ankle joint), left toe, right heel, right toe
 _REST = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT])
-_NEAR = np.array([0.05, 0.03, 0.05, 0.03])  # m over the rest height that still counts as contact
-_SPEED_ON, _SPEED_OFF = 0.25, 0.45  # m/s, hysteresis
-# of the root's speed over 1 m/s that the thresholds grow by: 30 fps smears a runner's short stance
-_PACE_SHARE = 0.12
+_NEAR = np.array([0.05, 0.03, 0.05, 0.03])  # m above rest height that still count as contact
+_CONTACT_ON_M_PER_S, _CONTACT_OFF_M_PER_S = 0.25, 0.45  # hysteresis
+# of the root's speed above 1 m/s, added to the thresholds: 30 fps captures blur a runner's short stance
+_PACE_FRACTION = 0.12
 JOG_SPEED = 2.2
 STAND_SPEED = 0.15
-CROUCH_HEIGHT = 0.72  # m of the hips over the ground; upright is 1.0
+CROUCH_HEIGHT = 0.72  # m of the hips above the ground; upright is 1.0
 
 
 def smooth(x: Array, seconds: float) -> Array:
-    """Box average over time (axis 0) of about `seconds`, edges repeated."""
+    """Return the box average over time (axis 0) of about `seconds`, with repeated edges."""
     from scipy.ndimage import uniform_filter1d
 
     return uniform_filter1d(np.asarray(x, np.float64), max(1, round(seconds * FPS)), axis=0, mode="nearest")
 
 
 def foot_contacts(positions: Array, ground: Array, slack: float = 1.0) -> NDArray[np.uint8]:
-    """Contacts `(T, 4)` from joint positions `(T, 31, 3)` and the ground height under the feet `(T, 4)`.
+    """Return contacts `(T, 4)` from joint positions `(T, 31, 3)` and the ground height under the feet `(T, 4)`.
 
-    `slack` scales the speeds at which a foot still counts as standing, for captures whose feet slide.
+    `slack` scales the speed limits of contact, for captures with sliding feet.
     """
     feet = np.asarray(positions[:, FOOT_JOINTS], np.float64)
     height = feet[..., 1] - ground - _REST
@@ -39,7 +39,7 @@ def foot_contacts(positions: Array, ground: Array, slack: float = 1.0) -> NDArra
 
 
 def contacts_without_ground(positions: Array) -> NDArray[np.uint8]:
-    """Contacts `(T, 4)` on unknown ground: slow, and near the lowest point that the joint passes within half a second."""
+    """Return contacts `(T, 4)` on unknown ground: slow, and near the joint's lowest point within half a second."""
     from scipy.ndimage import minimum_filter1d
 
     feet = np.asarray(positions[:, FOOT_JOINTS], np.float64)
@@ -53,9 +53,9 @@ def _hysteresis(
     from scipy.ndimage import median_filter
 
     pace = speed(feet)
-    allowance = _PACE_SHARE * np.maximum(speed(smooth(positions[:, 0], 0.35)) - 1.0, 0.0)[:, None]
-    on = (pace < slack * _SPEED_ON + allowance) & near
-    keep = (pace < slack * _SPEED_OFF + 1.5 * allowance) & close
+    allowance = _PACE_FRACTION * np.maximum(speed(smooth(positions[:, 0], 0.35)) - 1.0, 0.0)[:, None]
+    on = (pace < slack * _CONTACT_ON_M_PER_S + allowance) & near
+    keep = (pace < slack * _CONTACT_OFF_M_PER_S + 1.5 * allowance) & close
     state = np.zeros(on.shape, bool)
     current = on[0]
     for t in range(len(on)):
@@ -65,7 +65,7 @@ def _hysteresis(
 
 
 def label_gait(hips: Array, contacts: Array | NDArray[np.uint8], ground: Array, content: str) -> Array:
-    """Soft one-hot gait `(T, 6)` from root speed, hips height over `ground` `(T,)`, contacts and what the clip shows."""
+    """Return soft one-hot gait `(T, 6)` from root speed, hip height above `ground` `(T,)`, contacts and the clip's content."""
     pace = np.linalg.norm(np.gradient(smooth(hips[:, [0, 2]], 0.35), axis=0), axis=-1) * FPS
     flight = smooth(contacts.sum(1) == 0, 0.8)
     run = ("run" in content or "dash" in content) or ("mixed" in content)
@@ -82,7 +82,7 @@ def label_gait(hips: Array, contacts: Array | NDArray[np.uint8], ground: Array, 
 
 
 def _airborne(hips: Array, contacts: Array | NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Frames from the crouch before a take-off to the recovery after the landing."""
+    """Return frames from the crouch before a take-off to the recovery after the landing."""
     from scipy.ndimage import binary_dilation, binary_opening
 
     air = binary_opening(contacts.sum(1) == 0, iterations=4)
@@ -90,7 +90,7 @@ def _airborne(hips: Array, contacts: Array | NDArray[np.uint8]) -> NDArray[np.bo
 
 
 def soften(gait: Array) -> Array:
-    """Gait weights `(T, 6)` blended over 0.2 s at changes, short flickers removed, rows summing to one."""
+    """Blend gait weights `(T, 6)` over 0.2 s at changes, without short flickers; rows sum to one."""
     from scipy.ndimage import median_filter
 
     hard = np.eye(gait.shape[1])[median_filter(np.argmax(gait, axis=1), size=21, mode="nearest")]

@@ -1,4 +1,4 @@
-"""Readers of JSON, and of takes that are not plain BVH with Y up."""
+"""Readers of JSON, and of takes that are not BVH with Y up."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from runtime.skeleton import Skeleton
 
 
 def read_json(path: Path, remedy: str) -> Any:
-    """Read a JSON file; FileError where it cannot be read."""
+    """Read a JSON file; FileError if it cannot be read."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -25,7 +25,7 @@ def read_json(path: Path, remedy: str) -> Any:
 
 
 def read_z_up(path: Path) -> BvhMotion:
-    """A take whose Z is up, turned so that Y is."""
+    """Read a take with Z up and rotate it to Y up."""
     motion = read_bvh(path)
     upright = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(-0.5 * np.pi))
     positions, local = motion.positions.copy(), motion.local_rotations.copy()
@@ -35,7 +35,7 @@ def read_z_up(path: Path) -> BvhMotion:
 
 
 def read_transforms(path: Path) -> BvhMotion:
-    """A take of global joint positions and rotations as a hierarchy; FileError when it is none."""
+    """Read a take of global joint positions and rotations as a hierarchy; FileError for other files."""
     with open_npz(path, "Unpack the archive again.") as file:
         positions, world = file["positions"].astype(np.float64), file["quaternions"].astype(np.float64)
         names, parents = file["bone_names"], file["parent_indices"]

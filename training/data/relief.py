@@ -1,4 +1,4 @@
-"""Random ground: relief that leaves footsteps alone, and hills and stairs to put flat clips on."""
+"""Random ground: relief that does not touch footsteps, and hills and stairs for clips captured on a floor."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from training.data.labels import FOOT_JOINTS
 from training.data.retarget import speed
 
 EXTRA_PATCHES = 2
-_CLEAR_M = 0.22  # more than a cell's diagonal: relief keeps this far from a footstep
-_BLEND_M = 0.5  # and grows to its full height over this distance
+_CLEAR_M = 0.22  # distance of relief from a footstep, more than a cell's diagonal
+_BLEND_M = 0.5  # distance over which relief grows to full height
 _MAX_SLOPE = np.tan(np.deg2rad(20.0))
 _RELIEF_CELL_M = 0.1
 _STAIRS_MAX_SPEED = 1.7  # m/s
@@ -24,7 +24,7 @@ _STAIRS_MAX_SPEED = 1.7  # m/s
 def smooth_noise(
     shape: tuple[int, int], cell: float, wavelength: float, generator: np.random.Generator
 ) -> Array:
-    """Smooth random heights of unit deviation with features of about `wavelength` metres."""
+    """Return smooth random heights of unit deviation with features of about `wavelength` metres."""
     from scipy.ndimage import gaussian_filter
 
     pad = int(np.ceil(wavelength / cell))
@@ -36,7 +36,7 @@ def smooth_noise(
 def fit_around_steps(
     positions: Array, contacts: NDArray[np.uint8], generator: np.random.Generator
 ) -> Patches:
-    """Patches for a clip on level ground: one level, the others random relief that meets every footstep."""
+    """Return patches for a clip on level ground: one level, the others random relief that fits every footstep."""
     origin, shape = grid_under(positions, FLAT_MARGIN_M)
     distance, _ = _nearest_step(positions, contacts, origin, shape, CELL_M)
     weight = smoothstep((distance - _CLEAR_M) / _BLEND_M)
@@ -54,7 +54,7 @@ def fit_around_steps(
 
 
 def ground_from_contacts(positions: Array, contacts: NDArray[np.uint8]) -> Patches:
-    """Ground measured by the feet: the height of the nearest contact, slightly smoothed."""
+    """Reconstruct ground from contacts: the height of the nearest one, slightly smoothed."""
     from scipy.ndimage import gaussian_filter
 
     origin, shape = grid_under(positions, FLAT_MARGIN_M, _RELIEF_CELL_M)
@@ -67,7 +67,7 @@ def ground_from_contacts(positions: Array, contacts: NDArray[np.uint8]) -> Patch
 def hills_or_stairs(
     positions: Array, contacts: NDArray[np.uint8], generator: np.random.Generator
 ) -> tuple[Patches, str]:
-    """Random ground under a clip that was captured on a floor, and its kind; stairs are for walkers only."""
+    """Return random ground under a clip captured on a floor, and its kind; stairs only for walks."""
     fast = float(speed(positions[:, 0] * np.array([1.0, 0.0, 1.0])).mean()) > _STAIRS_MAX_SPEED
     origin, shape = grid_under(positions, FLAT_MARGIN_M + 1.0, _RELIEF_CELL_M)
     if fast or generator.random() < 0.6:
@@ -85,11 +85,11 @@ def hills_or_stairs(
 def _stairs(
     origin: tuple[float, float], shape: tuple[int, int], positions: Array, generator: np.random.Generator
 ) -> Array:
-    """Flights of stairs up and down across the way the clip takes most."""
+    """Return flights of stairs up and down across the clip's main direction."""
     x = origin[0] + np.arange(shape[0])[:, None] * _RELIEF_CELL_M
     z = origin[1] + np.arange(shape[1])[None, :] * _RELIEF_CELL_M
     moves = np.diff(positions[::10, 0][:, [0, 2]], axis=0)
-    # the main axis of travel, doubled angles so that there and back agree
+    # main axis of travel; angles are doubled so that opposite directions agree
     angle = 0.5 * np.angle(np.sum((moves[:, 0] + 1j * moves[:, 1]) ** 2) + 1e-9) + generator.normal(0.0, 0.2)
     along = x * np.cos(angle) + z * np.sin(angle) + generator.uniform(0.0, 3.0)
     rise, tread = generator.uniform(0.15, 0.18), generator.uniform(0.28, 0.36)
@@ -102,7 +102,7 @@ def _stairs(
 def _level_under_feet(
     heights: Array, origin: tuple[float, float], positions: Array, contacts: NDArray[np.uint8]
 ) -> Array:
-    """Treads widened so that no foot stands across an edge."""
+    """Widen treads so that no foot stands across an edge."""
     feet = positions[:, FOOT_JOINTS][..., [0, 2]]
     level = np.zeros((len(positions), 4))
     for side in range(2):
@@ -117,7 +117,7 @@ def _level_under_feet(
 
 
 def root_lift(positions: Array, contacts: NDArray[np.uint8], patches: Patches) -> Array:
-    """Height `(T,)` by which the body rises on the new ground: the mean of its footholds, smoothed over time."""
+    """Return the height `(T,)` by which the body rises on the new ground: mean of its footholds, smoothed over time."""
     from scipy.ndimage import gaussian_filter1d
 
     terrain = patches.terrain()
@@ -140,9 +140,9 @@ def _nearest_step(
     shape: tuple[int, ...],
     cell: float,
 ) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Distance in metres from every cell to the nearest contact, and the (frame, foot joint) of that contact.
+    """Return the distance in metres from every cell to the nearest contact, and its (frame, foot joint).
 
-    Points between heel and toe count as well, so that the whole sole is covered.
+    Points between heel and toe are included, so that the whole sole is covered.
     """
     from scipy.ndimage import distance_transform_edt
 

@@ -1,4 +1,4 @@
-"""What was imported, cut and refused, and how imported walks compare with their source files."""
+"""Import report: what was imported, cut and refused, and imported walks compared with their source files."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from training.data.shown import ClipSource, Refusal
 from training.data.sources import BY_NAME, list_clips
 from training.markdown import table
 
-# of a written clip: its `name` and texts, whether it is `mirrored`, its `seconds`, those of each gait, the fraction of
-# contacts, the mean way over the ground of feet in contact, and how many `patches` of ground it has
+# of a written clip: `name` and texts, whether it is `mirrored`, its `seconds`, seconds of each gait, fraction of
+# contacts, mean sliding of feet in contact, and number of ground `patches`
 ClipSummary = dict[str, Any]
 
 
 @dataclass
 class Report:
-    """Everything one import did."""
+    """Results of one import."""
 
     clips: list[ClipSummary] = field(default_factory=list)
     refused: list[Refusal] = field(default_factory=list)
@@ -41,7 +41,7 @@ class Report:
         path.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
 
     def markdown(self) -> str:
-        """The tables, and the calibration of the feet."""
+        """Return the tables and the calibration of the feet."""
         turned = ("foot_turn_euler_yxz_degrees", "toe_offset_m")
         rows = [
             [key, *(str(c[k][0]) for k in turned), str(c["ankle_height_m"])]
@@ -53,7 +53,7 @@ class Report:
         return f"# Training data\n\n{self.text()}\n{title}\n\n{calibration}"
 
     def text(self) -> str:
-        """The report as Markdown tables."""
+        """Return the report as Markdown tables."""
         originals = [c for c in self.clips if not c["mirrored"]]
         total = sum(c["seconds"] for c in originals) / 60
         held_out = sum(c["seconds"] for c in originals if c["split"] == "held_out")
@@ -67,7 +67,7 @@ class Report:
             for clip in originals:
                 groups[clip[key]].append(clip)
             lines += _table(title, groups)
-        # reasons without their numbers
+        # reasons without numbers
         reasons = Counter((r.reason.split(":")[0].split(" left of ")[0], r.source) for r in self.refused)
         counted = [(reason, source, str(n)) for (reason, source), n in sorted(reasons.items())]
         return "\n".join([*lines, *table(("Not imported, or cut", "source", "items"), counted)])
@@ -89,7 +89,7 @@ def _row(name: str, group: list[ClipSummary]) -> list[str]:
 
 
 def summarise(clip: TrainingClip) -> ClipSummary:
-    """Numbers of a clip for the report."""
+    """Summarise a clip for the report."""
     positions, _ = SPORT_SKELETON.forward_kinematics(clip.hips, clip.local)
     feet = positions[:, FOOT_JOINTS]
     travel = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1)
@@ -106,7 +106,7 @@ def summarise(clip: TrainingClip) -> ClipSummary:
     }
 
 
-FILES = 4  # of each source and style at most, evenly spread
+FILES = 4  # at most, per source and style, evenly spaced
 _WALKS = ("walk forward", "mixed walk jog", "mixed locomotion")
 COLUMNS = {
     "knee_min": "knee least", "knee_max": "knee most", "foot_up": "toes up", "lean": "lean", "elbow": "elbow",
@@ -118,7 +118,7 @@ Measures = dict[str, float]
 
 
 def compare(data: Path, clips: Path) -> dict[tuple[str, str], tuple[Measures, Measures]]:
-    """Median measures of source files and of the imported clips, by source and style, of walks on a floor."""
+    """Measure source files and imported clips of walks on a floor; returns medians by source and style."""
     result = {}
     for key, files in sorted(_walks(data, clips).items()):
         pairs = []
@@ -134,7 +134,7 @@ def compare(data: Path, clips: Path) -> dict[tuple[str, str], tuple[Measures, Me
 
 
 def _walks(data: Path, clips: Path) -> dict[tuple[str, str], list[tuple[ClipSource, Path]]]:
-    """Files of walks on a floor with their imported clips, by source and style."""
+    """Return files of walks on a floor with their imported clips, by source and style."""
     files: dict[tuple[str, str], list[tuple[ClipSource, Path]]] = defaultdict(list)
     for source in list_clips(data)[0]:
         candidates = (clips / f"{source.name}{part}.npz" for part in ("", "_0"))
@@ -145,14 +145,14 @@ def _walks(data: Path, clips: Path) -> dict[tuple[str, str], list[tuple[ClipSour
 
 
 def _clip(path: Path) -> Clip:
-    """An imported clip as the program would export it."""
+    """Load an imported clip as the program would export it."""
     with open_npz(path, "Run the importer again.") as file:
         hips, local = file["hips_positions"], file["local_rotations"]
         return Clip(path.stem, 60.0, hips, local, file["contacts"].astype(np.float32))
 
 
 def comparison(data: Path, clips: Path) -> str:
-    """Medians over forward walks on a floor, raw > imported: degrees, or as named, on a leg of 0.82 m."""
+    """Return a table of medians over forward walks on a floor, raw > imported: degrees or as named, leg of 0.82 m."""
     rows = [
         [source, style, *(f"{raw[k]:.3g} > {own[k]:.3g}" if k in raw and k in own else "" for k in COLUMNS)]
         for (source, style), (raw, own) in compare(data, clips).items()

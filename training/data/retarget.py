@@ -1,4 +1,4 @@
-"""From a source BVH to the SPORT skeleton at 60 Hz: rotations by calibrated rest poses, feet by two-bone IK."""
+"""Retargeting of source BVH to the SPORT skeleton at 60 Hz: rotations by calibrated rest poses, feet by two-bone IK."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _LATERAL, _AHEAD = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 def heel_rise(hip: Array, toe: Array, foot: Array, length: Array) -> Array:
-    """Radians by which feet `(..., 4)` over standing toes `(..., 3)` are to pitch (positive: the heel rises).
+    """Return the pitch in radians of feet `(..., 4)` over standing toes `(..., 3)` (positive: the heel rises).
 
-    After the turn the ankle is `length` `(...)` metres from `hip` `(..., 3)`. Feet of another length than the source's
-    would bend the knee otherwise in every push-off, or stretch the leg beyond its length. Limited to what a foot does;
-    where no turn reaches the length the nearest is taken.
+    It brings the ankle to `length` `(...)` metres from `hip` `(..., 3)`, or as near as possible, within the range of a
+    foot. Otherwise feet longer or shorter than the source's would change knee flexion in every push-off, or overstretch
+    the leg.
     """
     arm = -rotations.rotate(foot, FOOT_OFFSET)  # toe to ankle
     across = rotations.rotate(foot, _LATERAL)
@@ -35,7 +35,7 @@ def heel_rise(hip: Array, toe: Array, foot: Array, length: Array) -> Array:
     # |arm(d) - to_hip| = length, where arm(d) . to_hip = a cos d + b sin d
     a, b = np.sum(arm * to_hip, axis=-1), np.sum(np.cross(across, arm) * to_hip, axis=-1)
     wanted = 0.5 * (np.sum(arm * arm, axis=-1) + np.sum(to_hip * to_hip, axis=-1) - length * length)
-    most = np.arctan2(b, a)  # the shortest leg
+    most = np.arctan2(b, a)  # the pitch of the shortest leg
     away = np.arccos(np.clip(wanted / np.maximum(np.hypot(a, b), 1e-9), -1.0, 1.0))
     first, second = _wrapped(most - away), _wrapped(most + away)
     nearest = np.where(np.abs(first) < np.abs(second), first, second)
@@ -52,18 +52,18 @@ def _wrapped(angle: Array) -> Array:
 
 
 LEG_LENGTH = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
-# hips joint to middle of the hip joints
+# from the hips joint to the midpoint of the hip joints
 HIP_CENTRE = np.array([0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64)
 COLLAR_LENGTH = float(np.linalg.norm(SPORT_SKELETON.offsets[18]))
 TRUNK = SPORT_SKELETON.offsets[12:14].astype(np.float64)  # hips to Spine, Spine to the base of the neck
 STANCE_SPEED = 0.25  # m/s
-TOE_DOWN, TOE_UP = 0.02, 0.06  # m over its lowest place nearby: a toe that still stands, and one that swings
-TOE_REACH_SECONDS = 0.3  # "nearby"
+TOE_DOWN_M, TOE_UP_M = 0.02, 0.06  # above its lowest height nearby: of a planted and of a swinging toe
+TOE_REACH_SECONDS = 0.3  # for "nearby"
 TOE_FLEX_LIMIT = np.deg2rad(50.0)
 _SIDES = ("Left", "Right")
-# of the tilt that levels the gaze: spread over both, the neck shows no kink
+# of the tilt that levels the gaze, spread over both joints to avoid a kink in the neck
 _HEAD_LIFT_PARTS = {SPORT_SKELETON.index("Neck1"): 1 / 3, SPORT_SKELETON.index("Head"): 2 / 3}
-_MIRROR_TURN = np.array([1.0, 1.0, -1.0, -1.0])  # of a quaternion, through the plane X = 0
+_MIRROR_TURN = np.array([1.0, 1.0, -1.0, -1.0])  # of a quaternion under reflection at the plane X = 0
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ class SourceMotion:
     """World-space motion of a source at 60 Hz, scaled to our leg length, with rest-pose corrections applied.
 
     `rotations` holds our world rotation `(T, 4)` per driven joint. `hip_joints`, `ankles` and `toes` `(T, 2, 3)` are
-    metres in the source's own height over the ground; `trunk` `(T, 3)` goes from its hips joint to the base of its neck.
-    `collar_fraction`: how much of our collar bone's turn moves the shoulder as far as the source's does. `head_lift`:
-    radians by which the face is to be tilted up.
+    metres in the source's own height over the ground; `trunk` `(T, 3)` points from its hips joint to the base of its neck.
+    `collar_fraction`: factor on our collar bone's rotation that moves the shoulder as far as the source's. `head_lift`:
+    upward tilt of the face, radians.
     """
 
     rotations: dict[str, Array]
@@ -86,7 +86,7 @@ class SourceMotion:
 
     @property
     def hip_centre(self) -> Array:
-        """Between the hip joints `(T, 3)`."""
+        """Midpoint of the hip joints `(T, 3)`."""
         return self.hip_joints.mean(1)
 
 
@@ -95,8 +95,8 @@ class FootCalibration:
     """Constants of one source skeleton, measured where its feet stand flat.
 
     `foot_turn`, `toe_turn` `(2, 4)`: rotations that bring a flat foot's frame to our rest pose (sole level, +Z towards the
-    toe); `toe_offset` `(2, 3)`: how much farther than ours its toe lies from the ankle, in the frame of the flat foot;
-    `ankle_height`: of its ankles, scaled metres.
+    toe); `toe_offset` `(2, 3)`: difference of its ankle-toe vector from ours, in the frame of the flat foot;
+    `ankle_height`: scaled metres.
     """
 
     foot_turn: Array
@@ -108,7 +108,7 @@ class FootCalibration:
 def load_source(
     motion: BvhMotion, skeleton: SourceSkeleton, first_frame: int = 0, reference: BvhMotion | None = None
 ) -> SourceMotion:
-    """World motion of `motion` from `first_frame` on, resampled to 60 Hz and scaled to our legs.
+    """Return the world motion of `motion` from `first_frame` on, resampled to 60 Hz and scaled to our legs.
 
     `reference` is the take that `skeleton.reference` names.
     """
@@ -147,7 +147,7 @@ def load_source(
 def _toes(
     motion: BvhMotion, skeleton: SourceSkeleton, feet: list[int], positions: Array, world: Array
 ) -> Array:
-    """Toes `(T, 2, 3)`: joints of their own, or where the bones of the feet end."""
+    """Return toes `(T, 2, 3)`: joints, or end sites of the feet."""
     if skeleton.toe_is_end_site:
         ends = np.stack([motion.end_offsets[j] for j in feet])
         return positions[:, feet] + rotations.rotate(world[:, feet], ends)
@@ -156,14 +156,14 @@ def _toes(
 
 
 def sample_times(frames: int, fps: float) -> Array:
-    """Fractional source frames at 60 Hz; whole frames when the source already runs at 60."""
+    """Return fractional source frames at 60 Hz; integers if the source has 60 Hz."""
     if abs(fps - FPS) < 0.6:
         return np.arange(frames, dtype=np.float64)
     return np.arange(int((frames - 1) * FPS / fps + 1e-6) + 1) * (fps / FPS)
 
 
 def resample_rotations(q: Array, times: Array) -> Array:
-    """Quaternions `(T, ..., 4)` at fractional frames by slerp, continuous in sign."""
+    """Interpolate quaternions `(T, ..., 4)` at fractional frames by slerp, with continuous sign."""
     low = np.clip(times.astype(np.int64), 0, max(len(q) - 2, 0))
     high = np.minimum(low + 1, len(q) - 1)
     fraction = (times - low).reshape(-1, *([1] * (q.ndim - 2)))
@@ -173,7 +173,7 @@ def resample_rotations(q: Array, times: Array) -> Array:
 
 
 def resample_positions(p: Array, times: Array) -> Array:
-    """Positions `(T, ..., 3)` at fractional frames by cubic splines."""
+    """Interpolate positions `(T, ..., 3)` at fractional frames by cubic splines."""
     from scipy.interpolate import CubicSpline
 
     if len(times) == len(p) or len(p) < 4:
@@ -182,14 +182,14 @@ def resample_positions(p: Array, times: Array) -> Array:
 
 
 def speed(p: Array) -> Array:
-    """Speed in m/s `(T, ...)` of positions `(T, ..., 3)` at 60 Hz, by central differences."""
+    """Return the speed in m/s `(T, ...)` of positions `(T, ..., 3)` at 60 Hz, by central differences."""
     if len(p) < 3:
         return np.zeros(p.shape[:-1])
     return np.linalg.norm(np.gradient(p, axis=0), axis=-1) * FPS
 
 
 def _elevation(q: Array) -> Array:
-    """Radians by which local +Z points above the horizon."""
+    """Return the elevation of local +Z, radians."""
     return np.arcsin(np.clip(rotations.rotate(q, _AHEAD)[..., 1], -1.0, 1.0))
 
 
@@ -199,9 +199,9 @@ def _yaw(q: Array) -> Array:
 
 
 def calibrate_feet(clips: list[SourceMotion]) -> FootCalibration:
-    """Measure where feet stand flat: slow, and as low as the feet of that clip usually stand."""
+    """Calibrate feet on frames where they stand flat: slow, and at their usual height in the clip."""
     left, right = (_calibrate_foot(clips, side) for side in range(2))
-    # source rigs are symmetric: what differs between the sides is posture and noise
+    # source rigs are symmetric: differences between the sides are posture and noise
     turns = []
     for one, other in zip(left[:2], right[:2], strict=True):
         both = rotations.slerp(one, other * _MIRROR_TURN, 0.5)
@@ -212,7 +212,7 @@ def calibrate_feet(clips: list[SourceMotion]) -> FootCalibration:
 
 
 def _calibrate_foot(clips: list[SourceMotion], side: int) -> tuple[Array, Array, Array, float]:
-    """Foot turn, toe turn, toe offset and ankle height of one side; every clip has one vote, long idles must not decide."""
+    """Return foot turn, toe turn, toe offset and ankle height of one side; clips count equally, however long their idles."""
     stances = [(clip, mask) for clip in clips if (mask := _flat_stance(clip, side)).sum() >= 10]
     if not stances:
         identity = rotations.identity().astype(np.float64)
@@ -253,16 +253,16 @@ def _flat_stance(clip: SourceMotion, side: int) -> NDArray[np.bool_]:
 
 
 def _into(frame: Array, v: Array) -> Array:
-    """World vectors in the frame of rotations `(T, 4)`."""
+    """Transform world vectors into the frame of rotations `(T, 4)`."""
     return rotations.rotate(rotations.inverse(frame), v)
 
 
 def retarget(
     source: SourceMotion, feet: FootCalibration, height_offset: float | None, flex_toes: bool
 ) -> tuple[Array, Array]:
-    """Hips `(T, 3)` and local rotations `(T, 31, 4)` of the SPORT skeleton at 60 Hz. `height_offset` lifts it, in metres; None measures it so that the feet stand on y = 0.
+    """Return hips `(T, 3)` and local rotations `(T, 31, 4)` of the SPORT skeleton at 60 Hz.
 
-    `flex_toes` bends the toes over the ground where the source's toes are rigid.
+    `height_offset`, metres, lifts it; None puts the feet on y = 0. `flex_toes` bends toes on the ground, for sources with rigid toes.
     """
     world = _world_rotations(source, feet)
     foot = np.stack([world[:, 4], world[:, 9]], axis=1)
@@ -287,7 +287,7 @@ def retarget(
 
 
 def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:
-    """Our world rotations `(T, 31, 4)`; joints without a source follow their parent."""
+    """Return our world rotations `(T, 31, 4)`; joints without a source follow their parent."""
     names, parents = SPORT_SKELETON.names, SPORT_SKELETON.parents
     given = dict(source.rotations)
     if "LowerBack" not in given:
@@ -307,7 +307,7 @@ def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:
 
 
 def _hip_joint_shift(source: SourceMotion, pelvis: Array) -> Array:
-    """How far our hip joints lie from the source's `(T, 2, 3)`: legs that move along keep its angles at hip and knee."""
+    """Return the offset `(T, 2, 3)` of our hip joints from the source's: legs shifted by it keep their joint angles."""
     ours = np.stack([SPORT_SKELETON.offsets[j].astype(np.float64) - HIP_CENTRE for j in (2, 7)])
     ours = rotations.rotate(pelvis[:, None], ours)
     return ours - (source.hip_joints - source.hip_centre[:, None])
@@ -316,8 +316,8 @@ def _hip_joint_shift(source: SourceMotion, pelvis: Array) -> Array:
 def _align_trunk(world: Array, trunk: Array) -> None:
     """Turn LowerBack and Spine so that the base of our neck lies in the direction of the source's, in place.
 
-    Spines of other lengths and rest poses lean otherwise at the same angles: by 3 degrees for a straight back, by 9 for
-    a bent one. The chest above keeps its rotation.
+    With other bone lengths and rest poses the same angles give another lean: 3 degrees off for a straight back, 9 for a
+    bent one. The chest keeps its rotation.
     """
     lower, upper = SPORT_SKELETON.index("LowerBack"), SPORT_SKELETON.index("Spine")
     ours = np.zeros_like(trunk)
@@ -329,12 +329,11 @@ def _align_trunk(world: Array, trunk: Array) -> None:
 
 
 def _ankle_targets(source: SourceMotion, feet: FootCalibration, foot: Array) -> tuple[Array, Array]:
-    """Ankle positions `(T, 2, 3)` and feet `(T, 2, 4)`: the source's, but pivoting over its toes while these carry.
+    """Return ankle positions `(T, 2, 3)` and feet `(T, 2, 4)`: the source's, but pivoting over its toes while they bear weight.
 
-    Our feet have another length than the sources'. Both rules give the same ankle on a flat foot, so the change between
-    them is continuous, heels strike where the source's do and toes stay planted in the push-off; there the heel rises so
-    far that the leg is as long as the source's. In the swing the ankle is the source's again: the knee bends as far and
-    the foot clears the ground as high.
+    Our feet have another length. Both rules give the same ankle on a flat foot, so the change between them is continuous:
+    heels strike where the source's do, and toes stay planted in the push-off, where the heel rises until the leg is as
+    long as the source's. In the swing the ankle is the source's, which keeps knee flexion and ground clearance.
     """
     carries = _toes_carry(source.toes[..., 1])
     elevation = _elevation(foot)
@@ -348,15 +347,15 @@ def _ankle_targets(source: SourceMotion, feet: FootCalibration, foot: Array) -> 
 
 
 def _toes_carry(height: Array) -> Array:
-    """One where toes `(T, 2)` are as low as they get nearby, zero where they swing."""
+    """Return 1 where toes `(T, 2)` are at their lowest height nearby, 0 where they swing."""
     from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
     raised = height - minimum_filter1d(height, 2 * round(TOE_REACH_SECONDS * FPS) + 1, axis=0)
-    return gaussian_filter1d(smoothstep((TOE_UP - raised) / (TOE_UP - TOE_DOWN)), 1.5, axis=0)
+    return gaussian_filter1d(smoothstep((TOE_UP_M - raised) / (TOE_UP_M - TOE_DOWN_M)), 1.5, axis=0)
 
 
 def _ground_offset(ankles: Array, toes: Array) -> float:
-    """Metres to add to heights so that standing feet touch y = 0."""
+    """Return the height offset in metres that puts standing feet on y = 0."""
     clearance = np.minimum(ankles[..., 1] - ANKLE_HEIGHT, toes[..., 1] - TOE_HEIGHT)
     low = clearance < np.percentile(clearance, 60)
     stance = (np.minimum(speed(ankles), speed(toes)) < STANCE_SPEED) & low

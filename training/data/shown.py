@@ -1,4 +1,4 @@
-"""What each file of the data sets shows: its style and content, or why it is left out."""
+"""Style and content of each file of the data sets, or why it is left out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from training.data.readers import read_json
 
 @dataclass(frozen=True)
 class Shown:
-    """What a file shows."""
+    """Style and content of a file."""
 
     style: str
     content: str
@@ -33,7 +33,7 @@ class ClipSource(Shown):
 
 @dataclass(frozen=True)
 class Refusal:
-    """A file, or a part of it, that does not enter the training clips."""
+    """A file, or a part of it, that is excluded from the training clips."""
 
     name: str
     source: str
@@ -58,7 +58,7 @@ def o3de(path: Path) -> Shown | str:
     return Shown("neutral", content, terrain="contacts" if take == "Jumps" else "flat")
 
 
-# by a part of a take's name: style and content, or why it is left out
+# by a part of the take's name: style and content, or why it is left out
 _ACCAD: dict[str, tuple[str, str] | str] = {
     "CartWheel": "acrobatics: hands carry",
     "Crawl": "on hands and knees: contacts are those of feet",
@@ -139,7 +139,7 @@ def bandai(path: Path) -> Shown | str:
 
 
 def bandai_name(stem: str) -> str:
-    """The unique name of one of its files."""
+    """Return the unique name of a Bandai Namco file."""
     dataset, rest = stem.split("_", 1)
     return f"bandai{dataset[-1]}_{rest}"
 

@@ -1,4 +1,4 @@
-"""Joint maps and rest-pose corrections of the skeletons that the known motion data sets use."""
+"""Joint maps and rest-pose corrections of the skeletons of known motion data sets."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _UP, _DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
 
 def standing_rotations(points: Mapping[str, Array]) -> dict[str, Array]:
-    """Our world rotations `(4,)` of a figure that stands upright, looking ahead, from its joints `(3,)` by our names.
+    """Return our world rotations `(4,)` of an upright figure that looks ahead, from its joints `(3,)` by our names.
 
-    Trunk, head and feet face where the hips do; arms and legs point where they point, twisted as little as possible.
+    Trunk, head and feet face as the hips do; arms and legs keep their directions, with minimal twist.
     """
     left = points["LeftUpLeg"] - points["RightUpLeg"]
     heading: Array = rotations.from_yaw(np.arctan2(-left[2], left[0]))
@@ -39,7 +39,7 @@ def standing_rotations(points: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _limb(heading: Array, rest: Array, chain: list[str], points: Mapping[str, Array]) -> dict[str, Array]:
-    """Rotations of a limb's joints: each bone points to the next joint, the last one follows its parent."""
+    """Return rotations of a limb's joints: each bone points to the next joint, the last one follows its parent."""
     result, current = {}, heading
     for joint, child in pairwise(chain):
         wanted = rotations.normalize(points[child] - points[joint])
@@ -50,7 +50,7 @@ def _limb(heading: Array, rest: Array, chain: list[str], points: Mapping[str, Ar
 
 
 SIDES = ("Left", "Right")
-# what each bone points along in the rest pose of the SPORT skeleton
+# directions of the bones in the rest pose of the SPORT skeleton
 _ARM_DIRECTION = {"Left": np.array([1.0, 0, 0]), "Right": np.array([-1.0, 0, 0])}
 _LEG_DIRECTION = np.array([0.0, -1.0, 0.0])
 
@@ -59,12 +59,12 @@ LIMBS = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase"
 
 @dataclass(frozen=True)
 class SourceJoint:
-    """Where a SPORT joint takes its world rotation from.
+    """Source of the world rotation of a SPORT joint.
 
-    The rotation is that of source joint `name`, or `blend` of the way from `name` to `towards`. `axes`, when given, says
-    where the source joint's local X, Y and Z point while the character stands in our rest pose; `along`, when given, is
-    the source's child joint whose offset is aligned with our bone (and the twist kept); with neither, the
-    two rest frames agree. Feet need no more than a rough frame: `retarget.calibrate_feet` measures the rest.
+    The rotation is that of source joint `name`, or interpolated by `blend` from `name` to `towards`. `axes`: directions
+    of the source joint's local X, Y and Z while the character is in our rest pose. `along`: the source's child joint whose
+    offset is aligned with our bone, keeping the twist. Without either, the two rest frames agree. A rough frame is enough
+    for feet: `retarget.calibrate_feet` measures the rest.
     """
 
     name: str
@@ -76,23 +76,23 @@ class SourceJoint:
 
 @dataclass(frozen=True)
 class SourceSkeleton:
-    """A known hierarchy: how its joints drive ours, and how its toes behave."""
+    """A known hierarchy, with its mapping to our joints and the behaviour of its toes."""
 
     name: str
-    signature: frozenset[str]  # joint names that only this hierarchy has together
+    signature: frozenset[str]  # joint names that identify this hierarchy
     joints: Mapping[str, SourceJoint]
     has_toe_rotation: bool = True
-    toe_is_end_site: bool = False  # no toe joint: the foot's End Site marks the ball
-    fixed_scale: float | None = None  # metres per file unit; None: by the ratio of leg lengths
+    toe_is_end_site: bool = False  # no toe joint: the foot's end site is at the ball of the foot
+    fixed_scale: float | None = None  # metres per file unit; None: from the ratio of leg lengths
     head_lift_degrees: float = 0.0  # tilt of neck and head that levels the gaze, see DataSet
-    neck_base: str = "Neck"  # the joint at the top of the chest: the trunk leads to it
-    # a take in the clip's folder whose first frame stands upright, or "" for the clip's own: corrections are measured there
+    neck_base: str = "Neck"  # the joint at the top of the trunk
+    # take in the clip's folder (or "": the clip itself) whose upright first frame gives the corrections
     reference: str | None = None
 
     def corrections(self, motion: BvhMotion) -> dict[str, Array]:
-        """Constant rotations C `(4,)` by SPORT joint: our world rotation is the source's times C.
+        """Return constant rotations C `(4,)` by SPORT joint: our world rotation is the source's times C.
 
-        `motion` is the clip, or with `reference` the take that this names.
+        `motion` is the clip, or the take named by `reference`.
         """
         if self.reference is not None:
             return self._measured(motion)
@@ -116,7 +116,7 @@ class SourceSkeleton:
 
 
 def _axes_matrix(axes: str) -> Array:
-    """Matrix whose columns are the directions of local X, Y, Z, from "+Y -X +Z"."""
+    """Return the matrix whose columns are the directions of local X, Y, Z, from a text such as "+Y -X +Z"."""
     columns = [np.eye(3)["XYZ".index(word[1])] * (1.0 if word[0] == "+" else -1.0) for word in axes.split()]
     return np.stack(columns, axis=1)
 
@@ -159,7 +159,7 @@ def _limbs(
     axes: Mapping[str, str] | str | None = None,
     along: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, SourceJoint]:
-    """Source joints of both sides, as `skeletons.toml` says."""
+    """Return the source joints of both sides from an entry of `skeletons.toml`."""
 
     def spelled(side: str, part: str) -> str:
         return name.format(side=side, part=part, letter=side[0], small=side[0].lower())

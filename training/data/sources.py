@@ -1,4 +1,4 @@
-"""The table of data sets: what is in a folder of archives, whom to credit, and what differs between them when they are imported.
+"""The table of data sets: their files, credits and licences, and the parameters of their import.
 
 Reading, retargeting, labels, cutting, cleaning and ground are the same for all (`training.data.importer`).
 """
@@ -21,31 +21,31 @@ from training.data.source_skeletons import SourceSkeleton, known_skeletons
 
 @dataclass(frozen=True)
 class DataSet:
-    """One archive. To add one: its record in `DATA_SETS`, and its styles' descriptions in `styles.json` next to this file."""
+    """One archive. To add one, write a record in `DATA_SETS`, and descriptions of its styles in `styles.json` next to this file."""
 
     name: str  # of the archive and of its folder
     credit: str
-    # what a file shows, or why it is left out
+    # returns style and content of a file, or why it is left out
     shows: Callable[[Path], Shown | str]
     free: bool = True  # allows commercial use with the credit
-    source: str = ""  # that its clips are counted to; by default the data set itself
+    source: str = ""  # data set to which its clips belong; by default itself
     files: str = "*.bvh"
     clip_name: str | Callable[[str], str] = ""  # prefix of a file's stem, or function of it; by default NAME_
-    select: Callable[[list[ClipSource]], Listing] = lambda clips: (clips, [])  # of the clips that are shown
+    select: Callable[[list[ClipSource]], Listing] = lambda clips: (clips, [])  # among the usable clips
     read: Callable[[Path], BvhMotion] = read_bvh
-    first_frame: int = 0  # before it: a T-pose
+    first_frame: int = 0  # earlier frames are a T-pose
     has_tpose: bool = False  # at either end of a take
-    long_takes: bool = False  # unique in their style and content: they give their tails to evaluation
-    slide: float = 1.0  # times the speed at which a foot still counts as standing
-    metres_per_unit: float | None = None  # None: by the ratio of leg lengths
-    # Degrees by which faces are tilted up, by capture: the median face pitch (elevation of the head's +Z) over neutral
+    long_takes: bool = False  # the only ones of their style and content: their tails are held out
+    slide: float = 1.0  # factor on the speed limits of contact
+    metres_per_unit: float | None = None  # None: from the ratio of leg lengths
+    # Upward tilt of faces, degrees, by capture: the median face pitch (elevation of the head's +Z) over neutral
     # walks after retargeting was -22 in 100STYLE, -12 to -14 in the second Bandai Namco data set, -11 in JLPM, -23 to -29
     # in PFNN, -12 to -22 in O3DE and -12 to -17 of ACCAD's man. The tilt brings it to about -6; others stay at -2 to +3.
     head_lift_degrees: Mapping[str, float] = field(default_factory=dict)
-    references: Mapping[str, str] = field(default_factory=dict)  # by capture: a take that begins upright
+    references: Mapping[str, str] = field(default_factory=dict)  # by capture: a take that starts upright
 
     def clips(self, folder: Path) -> Listing:
-        """Files of the unpacked folder to import, and those that are left out."""
+        """List the files of the unpacked folder to import, and those that are left out."""
         source, name = self.source or self.name, self.clip_name or f"{self.name}_"
         clips: list[ClipSource] = []
         refused: list[Refusal] = []
@@ -61,7 +61,7 @@ class DataSet:
         return clips, refused + more
 
     def of_capture(self, skeleton: SourceSkeleton, capture: str) -> SourceSkeleton:
-        """`skeleton` with the constants of one capture, which its hierarchy does not give."""
+        """Return `skeleton` with the constants of one capture."""
         return replace(
             skeleton,
             reference=self.references.get(capture, skeleton.reference),
@@ -83,7 +83,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "accad",
         "ACCAD, The Ohio State University (CC BY 3.0)",
         shown.accad,
-        # a take of each person in which they stand upright at the first frame
+        # a take of each person that starts upright
         references={"accad_female1": "Female1_A01_Stand.bvh", "accad_male1": "Male1_A1_Stand.bvh"},
         head_lift_degrees={"accad_male1": 8.0},
     ),
@@ -119,7 +119,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "cmu",
         "Data from mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
         shown.cmu,
-        first_frame=3,  # frame 0 is a T-pose, smeared over the next two by the resampling to 60 Hz
+        first_frame=3,  # frame 0 is a T-pose, which resampling to 60 Hz spreads over two more frames
     ),
     DataSet(
         "cmu91",
@@ -156,7 +156,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         "José Luis Pontón, locomotion take (MIT)",
         lambda _: Shown("neutral_cmu", "mixed walk jog"),
         long_takes=True,
-        slide=2.5,  # inertial capture: feet slide in stance, so contact is granted at higher speeds
+        slide=2.5,  # inertial capture: feet slide in stance, so contact is allowed at higher speed
         head_lift_degrees={"jlpm": 5.0},
     ),
     DataSet(
@@ -181,9 +181,9 @@ FREE = "CC BY 4.0: may be published and used commercially with the credits"
 
 
 def list_clips(data: Path, free_only: bool = False) -> Listing:
-    """All clips below `data` (one folder per archive) and the files that are left out, in a stable order.
+    """List all clips below `data` (one folder per archive) and the files that are left out, in a stable order.
 
-    `free_only` leaves out the archives whose weights may not be published.
+    `free_only` omits archives with a non-commercial licence.
     """
     clips: list[ClipSource] = []
     refused: list[Refusal] = []
@@ -206,7 +206,7 @@ def list_clips(data: Path, free_only: bool = False) -> Listing:
 
 
 def source_folder(data: Path, source: str) -> Path | None:
-    """Folder with the unpacked files of `source`: DATA/NAME/NAME or DATA/NAME."""
+    """Return the folder with the unpacked files of `source`: DATA/NAME/NAME or DATA/NAME."""
     for folder in (data / source / source, data / source):
         if folder.is_dir():
             return folder
@@ -214,12 +214,12 @@ def source_folder(data: Path, source: str) -> Path | None:
 
 
 def recognise(motion: BvhMotion, file_name: str) -> SourceSkeleton:
-    """The known skeleton of a motion; FileError names the file when there is none."""
+    """Return the known skeleton of a motion; FileError with the file name if there is none."""
     names = set(motion.skeleton.names)
     found = next((skeleton for skeleton in known_skeletons() if skeleton.signature <= names), None)
     if found is None:
         raise FileError(
-            f"{file_name}: none of the known skeletons.",
+            f"{file_name}: unknown skeleton.",
             "Describe its joints in training/data/skeletons.toml.",
         )
     missing = {joint.name for joint in found.joints.values()} - names
@@ -229,7 +229,7 @@ def recognise(motion: BvhMotion, file_name: str) -> SourceSkeleton:
 
 
 def skeleton_of(clip: ClipSource, motion: BvhMotion) -> SourceSkeleton:
-    """The skeleton of a clip with the constants of its capture."""
+    """Return the skeleton of a clip with the constants of its capture."""
     found = recognise(motion, clip.path.name)
     owner = next(
         (r for r in DATA_SETS if clip.capture in {*r.head_lift_degrees, *r.references}), BY_NAME[clip.source]
@@ -238,20 +238,20 @@ def skeleton_of(clip: ClipSource, motion: BvhMotion) -> SourceSkeleton:
 
 
 def credits_of(sources: set[str]) -> list[str]:
-    """A line for each archive, in a stable order, none twice; KeyError for one that is unknown."""
+    """Return the distinct credits of archives in a stable order; KeyError for an unknown one."""
     return list(dict.fromkeys(BY_NAME[name].credit for name in sorted(sources)))
 
 
 def licence_of(sources: set[str]) -> str:
-    """The licence of weights that were trained on these archives."""
+    """Return the licence of weights trained on these archives."""
     return FREE if all(BY_NAME[name].free for name in sources) else NON_COMMERCIAL
 
 
 def style_library(path: Path) -> dict[str, Any]:
-    """The written descriptions of every captured style, by style: `descriptions`, one mapping of body parts each.
+    """Load the descriptions of all captured styles, by style: `descriptions`, each a mapping from body parts to text.
 
-    The last `measured` of them were measured. Styles of `path` (assets/prompts/styles.json) come before those of the same
-    name in `styles.json` next to this file. FileError where `path` is damaged.
+    The last `measured` of them were measured. Styles of `path` (assets/prompts/styles.json) take precedence over those in
+    `styles.json` next to this file. FileError if `path` is damaged.
     """
     own = json.loads(Path(__file__).with_name("styles.json").read_text(encoding="utf-8"))
     return own | dict(read_json(path, "Restore assets/prompts/styles.json."))

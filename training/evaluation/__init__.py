@@ -1,5 +1,5 @@
-"""Evaluation (Sec. IV): generated and captured motion, scored by the same code."""
+"""Evaluation (Sec. IV) of generated and captured motion by the same code."""
 
 import logging
 
-log = logging.getLogger("sport.evaluate")  # of the progress of every experiment
+log = logging.getLogger("sport.evaluate")  # progress of every experiment

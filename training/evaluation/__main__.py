@@ -1,10 +1,10 @@
-"""`python -m training.evaluation NAME`: one of the experiments by its name."""
+"""`python -m training.evaluation NAME`: runs an experiment by name."""
 
 from runtime.interrupts import run_process
 
 
 def main() -> int:
-    """Run the command line; the exit code."""
+    """Run the command line; returns the exit code."""
     from training.evaluation.experiment import main as run
 
     return run()

@@ -1,4 +1,4 @@
-"""`sport evaluate`: models against captured motion (Sec. IV, Table I), on obstacle courses, and by their words."""
+"""`sport evaluate`: scores models against captured motion (Sec. IV, Table I), on obstacle courses, and by prompts."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from training.evaluation.motion.scores import score_held_out, score_model
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Evaluate; the exit code is 0 also where a model misses a bar: the tables say so."""
+    """Evaluate; the exit code is 0 even if a model fails a criterion, which the tables show."""
     words = list(sys.argv[1:] if argv is None else argv)
-    for name in ("text", "courses"):  # does the motion do what the words say; how obstacles are crossed
+    for name in ("text", "courses"):  # adherence to prompts; crossing of obstacles
         if f"--{name}" in words:
             words.remove(f"--{name}")
             return experiments.run(experiments.experiment(name), words, f"sport evaluate --{name}")
@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def motion(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data."""
+    """Return all figures as plain data."""
     plan = plan_of(setting)
     held_out = score_held_out(plan)
     models = [score_model(plan, EvaluatedModel(folder, plan.texts)) for folder in setting.folders]
@@ -46,9 +46,9 @@ def motion(setting: Setting) -> dict[str, Any]:
 
 
 def plan_of(setting: Setting, seed: int | None = None, **amounts: int) -> EvaluationPlan:
-    """The plan that --quick, --seconds, --seed (or `seed`), --styles and --features ask for; `amounts` of its `Options`.
+    """Make the plan of --quick, --seconds, --seed (or `seed`), --styles and --features; `amounts` replace its `Options`.
 
-    Without --features the encoder is that of the first model that has one.
+    Without --features the encoder is that of the first model with one.
     """
     args = setting.args
     options = replace(Options.quick() if args.quick else Options(), seed=args.seed if seed is None else seed)
@@ -58,19 +58,19 @@ def plan_of(setting: Setting, seed: int | None = None, **amounts: int) -> Evalua
         options = replace(options, follow_seconds=args.seconds)
     folder = args.features or next((f for f in setting.folders if has_encoder(f)), None)
     if folder is None:
-        log.info("no model has a motion.onnx: distances are taken over kinematic features alone")
+        log.info("no model has a motion.onnx: distances use kinematic features only")
     encoder = None if folder is None else ExportedMotionEncoder(folder)
     return make_plan(setting.args.clips, args.styles, options, encoder)
 
 
 def check_seconds(args: Arguments) -> None:
-    """UsageError for a length of paths that makes no sense."""
+    """Raise UsageError for an invalid length of paths."""
     if args.seconds is not None and not 3.0 <= args.seconds <= 3600.0:
         raise UsageError(f"--seconds {args.seconds}: expected 3 to 3600.", "Try 40.")
 
 
 MOTION = Experiment(
-    "Score models against captured motion by the paper's metrics; equal arguments give equal figures, but for the times.",
+    "Score models against captured motion by the paper's metrics; equal arguments give equal figures, except times.",
     motion,
     tables.markdown,
     tables.SECTION,
@@ -81,8 +81,8 @@ MOTION = Experiment(
         *PLAN,
         "seed",
         "seconds",
-        option("--text", action="store_true", help="score what prompts do instead; it has a help of its own"),
-        option("--courses", action="store_true", help="score how obstacles are crossed instead; likewise"),
+        option("--text", action="store_true", help="evaluate prompts instead; has its own --help"),
+        option("--courses", action="store_true", help="evaluate obstacle courses instead; also has --help"),
     ),
     check=check_seconds,
 )

@@ -1,7 +1,7 @@
-"""One runner for every experiment and benchmark: what is measured, from which inputs, in which table.
+"""Runner of experiments and benchmarks.
 
-An `Experiment` is a record. `run` gives it the common arguments, checks the files before anything is measured,
-prints the table, and writes figures and table: `python -m training.evaluation NAME --help`.
+An `Experiment` is a record of measurement, inputs and table. `run` adds the common arguments, checks files before
+measuring, prints the table, and writes figures and table: `python -m training.evaluation NAME --help`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from training.data.readers import read_json
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.markdown import check_section, write_section
 
-Figures = Any  # plain data, as JSON holds it
+Figures = Any  # plain data, as in JSON
 Arguments = argparse.Namespace
 
-# where the record of each name stands; modules are imported when their experiment is run
+# module and variable of each record; modules are imported when their experiment runs
 EXPERIMENTS = {
     "motion": "training.evaluation.command:MOTION",
     "courses": "training.evaluation.on_obstacles:OBSTACLES",
@@ -43,12 +43,12 @@ Option = tuple[str, dict[str, Any]]
 
 
 def option(name: str, **settings: Any) -> Option:
-    """An option of an experiment, as `add_argument` takes it."""
+    """Return an option of an experiment: arguments of `add_argument`."""
     return name, settings
 
 
 _FOLDER: dict[str, Any] = {"type": model_folder, "metavar": "DIR"}
-# those that several experiments have
+# options of several experiments
 OPTIONS = {
     "clips": option("--clips", type=Path, metavar="DIR", help="folder of imported clips"),
     "model": option("--model", **_FOLDER, help="folder of an exported model; default: the shipped one"),
@@ -57,29 +57,31 @@ OPTIONS = {
     ),
     "data": option("--data", type=Path, metavar="DIR", help="folder of the unpacked source files"),
     "seed": option("--seed", type=int, default=0),
-    "seconds": option("--seconds", type=float, metavar="S", help="of followed paths per style (default: 40)"),
-    "features": option("--features", **_FOLDER, help="model whose motion encoder serves all"),
+    "seconds": option("--seconds", type=float, metavar="S", help="length of paths per style (default: 40)"),
+    "features": option("--features", **_FOLDER, help="model whose motion encoder is used for all"),
     "styles": option("--styles", nargs="+", metavar="STYLE", help="default: every style of the clips"),
-    "quick": option("--quick", action="store_true", help="a trial: too little motion for figures to quote"),
+    "quick": option(
+        "--quick", action="store_true", help="quick trial: too little motion for quotable figures"
+    ),
 }
-PLAN = ("features", "styles", "quick")  # of how much is generated, and what it is compared by
-_KEEP = "Keep the figures with --json FILE first."
+PLAN = ("features", "styles", "quick")  # options of the amount of motion and of its features
+_KEEP = "Save the figures with --json FILE first."
 _OUTPUTS = (
     option("--json", type=Path, metavar="FILE", help="write all figures to FILE"),
-    option("--known", type=Path, metavar="FILE", help="make the table of the figures that --json kept"),
-    option("--markdown", type=Path, metavar="FILE", help="write the table between FILE's markers"),
+    option("--known", type=Path, metavar="FILE", help="make the table from figures saved by --json"),
+    option("--markdown", type=Path, metavar="FILE", help="write the table between the markers of FILE"),
 )
 
 
 @dataclass(frozen=True)
 class Setting:
-    """The arguments of one run, and what is loaded by them."""
+    """Arguments of one run, and the models that they name."""
 
     args: Arguments
 
     @cached_property
     def folders(self) -> list[Path]:
-        """Model folders, the shipped one where none is given."""
+        """Model folders, by default the shipped one."""
         given = self.args.model or model_folder()
         return list(given) if isinstance(given, list) else [given]
 
@@ -91,19 +93,19 @@ class Setting:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A row of the evaluation: what is asked and measured, by which options, and how the figures are shown."""
+    """An experiment: its title, measurement, options and table."""
 
     question: str
     figures: Callable[[Setting], Figures]
     table: Callable[[Figures], str]
-    section: str | Callable[[Arguments], str]  # of a document, between whose markers the table goes
-    options: tuple[str | Option, ...] = ()  # names of `OPTIONS`, and its own
-    needs: tuple[str, ...] = ()  # options that must be given, but for --known
-    check: Callable[[Arguments], None] = lambda args: None  # UsageError before anything is measured
-    failed: Callable[[Figures], bool] = lambda figures: False  # whether the exit code is 1
+    section: str | Callable[[Arguments], str]  # of a document: name of the markers around the table
+    options: tuple[str | Option, ...] = ()  # names in `OPTIONS`, and its own options
+    needs: tuple[str, ...] = ()  # required options, except with --known
+    check: Callable[[Arguments], None] = lambda args: None  # raises UsageError before measuring
+    failed: Callable[[Figures], bool] = lambda figures: False  # if true, the exit code is 1
 
     def parser(self, program: str) -> argparse.ArgumentParser:
-        """Its own arguments, and the common ones."""
+        """Return a parser of its own and the common arguments."""
         parser = argparse.ArgumentParser(prog=program, description=self.question)
         for own in (*self.options, *_OUTPUTS):
             name, settings = OPTIONS[own] if isinstance(own, str) else own
@@ -112,7 +114,7 @@ class Experiment:
 
 
 def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
-    """Measure, print the table, write the files; the exit code, 0 also where a model misses a bar."""
+    """Measure, print the table and write the files; returns the exit code, 0 even if a model fails a criterion."""
     args = experiment.parser(program).parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     section = experiment.section if isinstance(experiment.section, str) else experiment.section(args)
@@ -142,7 +144,7 @@ def _check(experiment: Experiment, args: Arguments) -> None:
 
 
 def command_of(program: str, args: Arguments) -> str:
-    """The command in a form that names no folder of this machine."""
+    """Return the command without local folders."""
     words = [program] + (["--clips DIR"] if args.clips is not None else [])
     for name in ("model", "features", "styles", "only", "seconds", "quick", "seed"):
         value = getattr(args, name, None)
@@ -160,12 +162,12 @@ def _short(value: Any) -> str:
 
 
 def run_alone(experiment: Experiment, name: str) -> int:
-    """The exit code of a benchmark that is an experiment."""
+    """Run a benchmark that is an experiment; returns the exit code."""
     return run_command(name, lambda: run(experiment, sys.argv[1:], f"python -m benchmarks.{name}"))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """`python -m training.evaluation NAME`."""
+    """Run `python -m training.evaluation NAME`."""
     words = list(sys.argv[1:] if argv is None else argv)
     name = words[0] if words else ""
     if name in ("-h", "--help"):
@@ -177,7 +179,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def experiment(name: str) -> Experiment:
-    """The record of one of `EXPERIMENTS`."""
+    """Return the record of one of `EXPERIMENTS`."""
     module, record = EXPERIMENTS[name].split(":")
     found: Experiment = getattr(import_module(module), record)
     return found

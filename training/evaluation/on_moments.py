@@ -1,7 +1,7 @@
-"""The first and the last second of everything: `python -m training.evaluation moments`, starts, stops, turns and jumps.
+"""Starts, stops, turns and jumps: `python -m training.evaluation moments`.
 
-Clips are those of the public `generate_clip`, exported, and measured on the exported BVH alone, second by second of a known
-stick (`training.evaluation.metrics.moments`).
+Clips of the public `generate_clip` with a known stick script are exported, and only the BVH is measured
+(`training.evaluation.metrics.moments`).
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ PROMPTS = (
 
 @dataclass(frozen=True)
 class Row:
-    """A measure: its title, of which moments, and the range in which it is right."""
+    """A measure: title, kinds of moments, and allowed range."""
 
     key: str
     title: str
-    kinds: tuple[str, ...] = ()  # of moments; none: of whole clips
+    kinds: tuple[str, ...] = ()  # of moments; empty: whole clips
     gait: str = ""
     low: float = -np.inf
     high: float = np.inf
     digits: int = 2
 
     def values(self, clips: Iterable[dict[str, Any]]) -> Values:
-        """The values of the measure in every clip, or in every moment of its kind."""
+        """Return the values of the measure in all clips, or in all moments of its kinds."""
         if not self.kinds:
             return [clip["whole"][self.key] for clip in clips if self.key in clip["whole"]]
         return [
@@ -66,11 +66,11 @@ class Row:
         ]
 
     def right(self, values: Values) -> bool:
-        """Return whether all values are in the range."""
+        """Return whether all values are in the allowed range."""
         return all(self.low <= v <= self.high for v in values)
 
     def shown(self, values: Values) -> str:
-        """The value that is farthest out, or the range where both ends count; bold where one is not right."""
+        """Format the most extreme value, or the range if both ends are limited; bold if out of range."""
         if not values:
             return "–"
         ends = [min(values)] if np.isfinite(self.low) else []
@@ -80,7 +80,7 @@ class Row:
 
     @property
     def bar(self) -> str:
-        """The range in words."""
+        """Format the allowed range."""
         ends = [f"{v:g}" for v in (self.low, self.high) if np.isfinite(v)]
         least = "at least " if not np.isfinite(self.high) else "at most "
         return (least if len(ends) == 1 else "") + " to ".join(ends)
@@ -89,7 +89,7 @@ class Row:
 ROWS = (
     Row("knee_pops", "knee pops a minute", high=1.0, digits=1),
     Row("elbow_pops", "elbow pops a minute", high=1.0, digits=1),
-    # captured knees take a landing by as many
+    # as many as in captured landings
     Row("knee_pops_in_jumps", "knee pops a minute of jumps", high=60.0, digits=1),
     Row("elbow_pops_in_jumps", "elbow pops a minute of jumps", high=1.0, digits=1),
     Row("stop_s", "hips stop from half a walk, s", ("stop",), "half walk"),
@@ -111,7 +111,7 @@ ROWS = (
     Row("toe_under_cm", "toe less its resting height, 0.1th percentile, cm", low=-0.5, digits=1),
     Row("toe_path_cm", "toe near the ground in starts and turns, path, 90 %, cm", ("start", "turn", "spin"), high=4.0, digits=1),
 )  # fmt: skip
-# raw takes: what is measured on files of which name (of accad and o3de, below --data)
+# raw takes of accad and o3de below --data: kind, file pattern and measurement
 RAW: tuple[tuple[str, str, Callable[[Points], dict[str, float]]], ...] = (
     ("start walk", "*_StandToWalk.bvh", measures.raw_start),
     ("stop walk", "*_WalkToStand*.bvh", measures.raw_stop),
@@ -128,13 +128,13 @@ RAW: tuple[tuple[str, str, Callable[[Points], dict[str, float]]], ...] = (
 
 
 def measure(path: Path, script: str) -> dict[str, Any]:
-    """The figures of an exported BVH whose stick was `script`, as plain data."""
+    """Measure an exported BVH generated with the stick `script`; returns plain data."""
     points, stick = measures.read_points(path), parse_stick(script)
     return {"whole": measures.whole_clip(points, stick), "moments": measures.moments(points, stick)}
 
 
 def clips_together(setting: Setting, styles: Sequence[tuple[str, int]]) -> list[Clip]:
-    """The clips that `generate_clip` makes of prompts and seeds, as one crowd in half of the time."""
+    """Generate the clips of `generate_clip` for prompts and seeds in one batch, in half the time."""
     evaluated, ground, stick = setting.models[0], load_terrain("flat"), parse_stick(setting.args.script)
     codes = [evaluated.prompter.style(prompt) for prompt, _ in styles]
     crowd = characters(
@@ -147,21 +147,19 @@ def clips_together(setting: Setting, styles: Sequence[tuple[str, int]]) -> list[
 
 
 def raw_moments(data: Path) -> dict[str, Raw]:
-    """Values by kind and measure of the takes in RAW."""
+    """Measure the takes in RAW; returns values by kind and measure."""
     result: dict[str, dict[str, Values]] = {}
     for kind, pattern, how in RAW:
         for path in sorted(data.rglob(pattern)):
             for key, value in how(measures.read_points(path)).items():
                 result.setdefault(kind, {}).setdefault(key, []).append(value)
     if not result:
-        raise UsageError(
-            f"--data {data}: none of the raw takes is there.", "Give the unpacked accad and o3de."
-        )
+        raise UsageError(f"--data {data}: none of the raw takes found.", "Give the unpacked accad and o3de.")
     return result
 
 
 def moment_figures(setting: Setting) -> dict[str, Any]:
-    """Every prompt in every seed through the script of moments, and the raw takes."""
+    """Measure every prompt with every seed on the script, and the raw takes."""
     args = setting.args
     members = list(product(args.prompts, args.seeds))
     found = measured_exports(clips_together(setting, members), partial(measure, script=args.script))
@@ -172,7 +170,7 @@ def moment_figures(setting: Setting) -> dict[str, Any]:
 
 
 def moment_table(figures: dict[str, Any]) -> str:
-    """A row for each measure: raw, the bar, and every prompt."""
+    """Return a table with a row per measure: raw, allowed range, and every prompt."""
     prompts = figures["prompts"]
     rows = [
         [row.title, _raw(row, figures["raw"]), row.bar, *(row.shown(row.values(c)) for c in prompts.values())]
@@ -182,7 +180,7 @@ def moment_table(figures: dict[str, Any]) -> str:
 
 
 def _raw(row: Row, raw: dict[str, Raw]) -> str:
-    """The range of a measure in raw takes of the row's kinds, of its gait where such takes are."""
+    """Format the range of a measure in raw takes of the row's kinds, and of its gait if there are such takes."""
     values: Values = []
     for name, found in raw.items():
         kind, _, gait = name.partition(" ")
@@ -194,14 +192,14 @@ def _raw(row: Row, raw: dict[str, Raw]) -> str:
 
 
 MOMENTS = Experiment(
-    "Starts, stops, turns and jumps of an exported BVH and of raw capture: has the body weight?",
+    "Starts, stops, turns and jumps of an exported BVH, compared with raw capture.",
     moment_figures,
     moment_table,
     "moments",
     options=(
         "model",
         option("--prompts", nargs="+", metavar="PROMPT", default=list(PROMPTS), help="default: seven"),
-        option("--script", default=SCRIPT, help="the stick, as sport generate --controls"),
+        option("--script", default=SCRIPT, help="stick script, as for sport generate --controls"),
         option("--seeds", type=int, nargs="+", default=[1, 2], help="default: 1 2"),
         "data",
     ),

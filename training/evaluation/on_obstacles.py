@@ -1,4 +1,4 @@
-"""Six obstacle courses: a straight path along +Z at full stick, its scores by style and gait, and their tables."""
+"""Six obstacle courses along +Z at full stick: scores by style and gait, and tables."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from training.evaluation.motion.driving import Stick, Track, characters, walked
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 from training.markdown import columns, number, percent
 
-BEYOND_M = 1.5  # behind the last obstacle the run is over
-SPARE_S = 25.0  # that a run may take longer than the path at full stick
+BEYOND_M = 1.5  # behind the last obstacle, where the run ends
+SPARE_S = 25.0  # allowed in addition to the time of the path at full stick
 
 
 @dataclass(frozen=True)
 class ObstacleCourse:
-    """Ground with obstacles along +Z; of stairs and hills the whole path is one."""
+    """Ground with obstacles along +Z; stairs and hills count as one obstacle."""
 
     name: str
     title: str
-    ground: str  # name of a ready terrain
+    ground: str  # name of a predefined terrain
     obstacles: tuple[Obstacle, ...]
 
     def terrain(self) -> Terrain:
-        """The ground, always the same."""
+        """Load the ground, which is always the same."""
         return make_terrain(self.ground)
 
 
@@ -69,13 +69,13 @@ class ObstacleRun:
     motion: Motion
     root: Array  # (T, 2) metres
     requested_speed: Array  # (T,) m/s
-    keyed: Flags  # (T,) keyed motion was shown
+    keyed: Flags  # (T,) keyframed motion was active
 
 
 def run_obstacles(
     model: MotionModel, course: ObstacleCourse, style: str, code: Array, gait: Gait, seed: int
 ) -> ObstacleRun:
-    """Lead a character from the start mark at full stick along a course until it is passed or time is up."""
+    """Walk a character from the start mark at full stick along a course until its end or the time limit."""
     controller = at_start(model, course.terrain(), code, seed)
     end = course.obstacles[-1].end + BEYOND_M
     limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
@@ -85,7 +85,7 @@ def run_obstacles(
 
 
 def at_start(model: MotionModel, ground: Terrain, code: Array, seed: int) -> Controller:
-    """A character in a style that stands at the start mark."""
+    """Create a character in a style, standing at the start mark."""
     (controller,) = characters(model, ground, [code], [seed])
     controller.reset()
     controller.settle()
@@ -93,7 +93,7 @@ def at_start(model: MotionModel, ground: Terrain, code: Array, seed: int) -> Con
 
 
 def walked_to(end_m: float, controller: Controller, stick: Stick, frames: int) -> Track:
-    """Lead a character until it is `end_m` along +Z, or for so many frames."""
+    """Walk a character until it is `end_m` along +Z, or for `frames`."""
     return walked([controller], stick, frames, lambda member: member.pose.root_position[2] > end_m)[0]
 
 
@@ -104,7 +104,7 @@ def along_the_middle(
     amount: float = 1.0,
     side: Callable[[float], float] = lambda z: 0.0,
 ) -> Controls:
-    """The stick that leads along +Z, so many metres to the left of the middle."""
+    """Return controls that follow +Z, at an offset of `side` metres to the left of the middle."""
     root = controller.pose.root_position.astype(np.float64)
     ahead = np.array([side(root[2]) - root[0], LOOK_AHEAD_M])
     ahead = amount * (ahead / np.linalg.norm(ahead))
@@ -112,7 +112,7 @@ def along_the_middle(
 
 
 def score_run(run: ObstacleRun) -> dict[str, Any]:
-    """Figures of one run as plain data; depths in cm, before and after foot lock."""
+    """Score a run; returns plain data, depths in cm, before and after foot lock."""
     course, motion, ground = run.course, run.motion, run.motion.terrain
     assert motion.unlocked is not None
     within = np.any([traversal.traversal_frames(run.root, o) for o in course.obstacles], axis=0)
@@ -133,7 +133,7 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
 
 
 def _passed(run: ObstacleRun) -> dict[str, Any]:
-    """How many obstacles were passed, by how many traversals that pass every check, how long each took and how slow it was."""
+    """Count obstacles passed and traversals that pass every check, with time per obstacle and lowest speed."""
     motion, frames, paces = run.motion, [], []
     for obstacle in run.course.obstacles:
         pace = traversal.seconds_over(run.root, obstacle)
@@ -176,7 +176,7 @@ def _walls(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[st
     return {"hands_s": traversal.hands_on_edge(positions, course.obstacles), "on_top_s": tops}
 
 
-# what only one kind of course has
+# measures specific to one kind of course
 _OWN_MEASURES: dict[str, Callable[[ObstacleCourse, Array, Array], dict[str, Any]]] = {
     "hurdles": _hurdles,
     "beam": _beam,
@@ -190,7 +190,7 @@ GAITS = (Gait.WALK, Gait.JOG)
 
 
 def obstacle_courses(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data; styles are recognised where clips are given, as in `sport evaluate`."""
+    """Return all figures as plain data; styles are recognised if clips are given, as in `sport evaluate`."""
     args, classifier = setting.args, None
     if args.clips is not None:
         classifier = make_plan(args.clips, None, Options(), None).classifier
@@ -206,7 +206,7 @@ def score_obstacles(
     courses: Iterable[ObstacleCourse],
     classifier: StyleClassifier | None,
 ) -> dict[str, Any]:
-    """A row for each course, style and gait, and how often the style is recognised there and on level ground."""
+    """Score each course, style and gait, with recognition of the style there and on level ground."""
     rows: list[dict[str, Any]] = []
     grounds = [*courses, *([] if classifier is None else [LEVEL])]
     for course, style, gait in product(grounds, styles, GAITS):
@@ -220,7 +220,7 @@ def score_obstacles(
 
 
 def _recognised(run: ObstacleRun, classifier: StyleClassifier | None) -> float | None:
-    """Fraction of the windows that are taken for the style, look-alikes counted as one; None where that is unknown."""
+    """Return the fraction of windows recognised as the style or a similar one; None if the classifier lacks it."""
     style = run.motion.style
     if classifier is None or style not in classifier.labels:
         return None
@@ -236,7 +236,7 @@ Row = dict[str, Any]
 
 
 def markdown(results: dict[str, Any]) -> str:
-    """All tables of `results`, what `--json` holds: means of each course, then a row for each style and gait."""
+    """Return all tables of `results`, the content of `--json`: means per course, then a row per style and gait."""
     found = [[r for r in results["rows"] if r["course"] == course.name] for course in COURSES]
     found = [runs for runs in found if runs]
     level = traversal.mean_of(results["level"], "recognised")

@@ -22,20 +22,20 @@ from training.markdown import table
 Measures = dict[str, float]
 
 WALK_SECONDS = 12.0
-RAW_FILES = 8  # of a style at most, evenly spread
+RAW_FILES = 8  # at most, per style, evenly spaced
 WALK = "walk forward"
 _CMU_FIRST_FRAME = 3
 
 
 @dataclass(frozen=True)
 class WalkMeasure:
-    """A measure: its title, and the range in which a style is right."""
+    """A measure: title and allowed range per style."""
 
     key: str
     title: str
     low: float
     high: float
-    difference: bool = False  # generated less raw, in degrees; else generated over raw
+    difference: bool = False  # difference generated minus raw, degrees; else their ratio
 
 
 ROWS = (
@@ -59,9 +59,9 @@ ROWS = (
 
 
 def raw_walks(data: Path, free_only: bool = False) -> dict[str, Measures]:
-    """Measures of each style's forward walks in the source files, the median over its files.
+    """Measure each style's forward walks in the source files; returns medians over its files.
 
-    `free_only` leaves out archives with a non-commercial licence.
+    `free_only` omits archives with a non-commercial licence.
     """
     files: dict[str, list[Path]] = {}
     for clip in list_clips(data, free_only)[0]:
@@ -78,7 +78,7 @@ def raw_walks(data: Path, free_only: bool = False) -> dict[str, Measures]:
 
 
 def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[str, Measures]:
-    """Measures of a character that walks straight ahead at full stick by each style's prompt, from its BVH."""
+    """Measure the exported BVH of a straight walk at full stick for each style's prompt."""
     names = list(styles)
     members = characters(evaluated.model, flat_ground(), [evaluated.style(style, 0) for style in names])
     walks = walk_together(members, control_script("forward", "walk"), round(WALK_SECONDS * FPS))
@@ -88,13 +88,13 @@ def generated_walks(evaluated: EvaluatedModel, styles: Iterable[str]) -> dict[st
 
 
 def gait_figures(setting: Setting) -> dict[str, Any]:
-    """Measures of the raw files and of every model, by style."""
+    """Measure raw files and every model, by style."""
     raw = raw_walks(setting.args.data)
     return {"raw": raw, "models": {m.name: generated_walks(m, raw) for m in setting.models}}
 
 
 def gait_table(figures: dict[str, Any]) -> str:
-    """Medians over the styles of ours over raw, and how many styles are within the bar."""
+    """Return a table of medians over styles relative to raw, and the number of styles within the allowed range."""
     raw, models = figures["raw"], figures["models"]
     rows = []
     for row in ROWS:
@@ -105,7 +105,7 @@ def gait_table(figures: dict[str, Any]) -> str:
 
 
 def cell(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
-    """Median over the styles that both have, of the difference or ratio, and how many of them are within the bar."""
+    """Format the median difference or ratio over common styles, and how many are within the allowed range."""
     key = row.key
     pairs = [(ours[s][key], raw[s][key]) for s in raw if key in ours.get(s, {}) and key in raw[s]]
     if not pairs:
@@ -118,7 +118,7 @@ def cell(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) 
 
 
 GAIT = Experiment(
-    "Straight walks of every captured style at full stick and in the raw capture files: is the walk alive?",
+    "Straight walks of every captured style at full stick, compared with the raw capture files.",
     gait_figures,
     gait_table,
     "straight walks",

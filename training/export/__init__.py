@@ -1,1 +1,1 @@
-"""From trained weights to ONNX files, their 8-bit twin and the model card."""
+"""Export of trained weights: ONNX graphs, their 8-bit version and the model card."""

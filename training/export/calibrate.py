@@ -1,8 +1,8 @@
-"""On which side a model shows each of the catalogue's edits better (`runtime.motion.calibration`).
+"""Calibration of sides: on which side a model shows each edit of the catalogue better (`runtime.motion.calibration`).
 
-The first sentence of every edit is walked once, on each side where it has two, and compared with what the edit does to the
-model's own neutral walk. Edits that are held out are not looked at: a side that training never saw is taken to be the
-weaker one. Sentences that rules make of a prompt beyond these have no side.
+The first sentence of every edit is walked once per side and compared with the effect of the edit on the model's own
+neutral walk. Held-out edits are not measured: a side that training never saw counts as the weaker one. Other sentences
+that rules generate from prompts have no preferred side.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from training.text.claims import claims
 
 log = logging.getLogger("sport.train")
 
-ALIKE = 0.05  # fractions of two sides that differ by less are the same
-UNTRAINED = 0.4  # by which a side that training never saw is taken to be shown worse
-PAIRS = 400  # clips with their mirror images that the signs of the phases are read from
+EQUAL_FRACTION = 0.05  # fractions of two sides that differ by less count as equal
+UNTRAINED_FRACTION = 0.4  # assumed deficit of a side that training never saw
+PAIRS = 400  # clips with mirror images, from which the signs of the phases are determined
 DRAWS = 50  # frames of each
 
 
 def phase_signs(table: FrameTable, phase: np.ndarray) -> list[int] | None:
-    """The sign of every channel's vectors in the mirror image: -1 where it changes, else 1; `phase` is `(N, 5, 2)`.
+    """Return the sign of every channel under mirroring, -1 where it changes, else 1; `phase` is `(N, 5, 2)`.
 
-    None where no clip has its mirror image: such a network has no side to walk on but the one it saw.
+    None if no clip has a mirror image: such a network cannot walk mirrored.
     """
     number = {name: i for i, name in enumerate(table.names)}
     pairs = [(i, number[f"{n}_m"]) for n, i in number.items() if f"{n}_m" in number]
@@ -57,7 +57,7 @@ def phase_signs(table: FrameTable, phase: np.ndarray) -> list[int] | None:
 def calibrated(
     model: MotionModel, prompter: Prompter, walker: Walker, phrasing: ModelPhrasing
 ) -> list[dict[str, Any]]:
-    """The codes of what a model shows with their leads, as its metadata have them; `phrasing` is its own wording."""
+    """Measure codes with their leads for the metadata of a model; `phrasing` is its own wording."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
     neutral = prompter(plain)
     examples = described_edits(neutral_motion(model, neutral))
@@ -78,14 +78,14 @@ def calibrated(
 
 
 def _within(among: PartDescriptions, words: Mapping[str, Sequence[str]], number: int = 0) -> PartDescriptions:
-    """Other words with those of some parts, in one of their sentences."""
+    """Return descriptions `among` with some parts replaced by one of their sentences in `words`."""
     for part, texts in words.items():
         among = among.replace(part, texts[number % len(texts)])
     return among
 
 
 def _rule_sentences(phrasing: ModelPhrasing) -> Iterable[Mapping[str, Sequence[str]]]:
-    """What rules make of legs, torso and head beyond the catalogue, in the phrasing of a model."""
+    """Yield the sentences that rules generate for legs, torso and head beyond the catalogue, in a model's phrasing."""
     edited = {text for edit in part_edits().values() for texts in edit.phrases.values() for text in texts}
     for part, group in (("left_leg", "leg"), ("torso", "torso"), ("head", "head")):
         written = {phrasing.of(text.replace("{s}", "left"), part) for text in _sentences(group)}
@@ -95,7 +95,7 @@ def _rule_sentences(phrasing: ModelPhrasing) -> Iterable[Mapping[str, Sequence[s
 
 
 def _sentences(group: str) -> set[str]:
-    """What the rules of a group of parts can write."""
+    """Return all sentences that the rules of a group of parts can generate."""
     rules, found = grammar().groups[group], set[str]()
     for _, sentences in (*rules.actions, *rules.denied):
         found.update((sentences,) if isinstance(sentences, str) else sentences)
@@ -103,23 +103,23 @@ def _sentences(group: str) -> set[str]:
 
 
 def _trained() -> list[tuple[str, str]]:
-    """Left and right of every edit that training saw, on one side at least; twice the same name for one without sides."""
+    """Return left and right name of every edit trained on at least one side; equal names for an edit without sides."""
     pairs = [(name, name.replace("left", "right")) for name in part_edits() if "right" not in name]
     pairs = [(left, right if right in part_edits() else left) for left, right in pairs]
     return [pair for pair in pairs if not set(pair) <= catalogue().held_out]
 
 
 def _lead(left: str, right: str, measured: float) -> float:
-    """The lead of a left side: the measured one, or that of the only side that training saw."""
+    """Return the lead of the left side: measured, or fixed if training saw only one side."""
     if (left in catalogue().held_out) != (right in catalogue().held_out):
-        return -UNTRAINED if left in catalogue().held_out else UNTRAINED
-    return round(measured, 2) if abs(measured) >= ALIKE else 0.0
+        return -UNTRAINED_FRACTION if left in catalogue().held_out else UNTRAINED_FRACTION
+    return round(measured, 2) if abs(measured) >= EQUAL_FRACTION else 0.0
 
 
 def _rows(
     words: Mapping[str, Sequence[str]], slot: str, lead: float, prompter: Prompter, plain: PartDescriptions
 ) -> Iterable[dict[str, Any]]:
-    """A row for each part of the words, but not for the right leg where both do the same; `lead` is of the `slot`."""
+    """Yield a row per described part, without the right leg for edits of both; `lead` is that of the `slot`."""
     count = max(map(len, words.values()))
     codes = np.array([prompter(_within(plain, words, k)) for k in range(count)], np.float32)
     for part in words:
@@ -140,9 +140,9 @@ def calibrate(
     text_encoder: Path | None = None,
     workers: int = 1,
 ) -> None:
-    """Measure a model folder as it is without calibration, in `workers` processes, and write that into its metadata.
+    """Measure a model folder without calibration, in `workers` processes, and write the result into its metadata.
 
-    `phrasing` is by default the shipped one of a model of that name.
+    `phrasing` defaults to the shipped one of a model of that name.
     """
     metadata = read_metadata(folder)
     if metadata.pop("calibration", None) is not None:

@@ -1,4 +1,4 @@
-"""Golden vectors of the shipped model: what its controller in another language must compute (`docs/engine.md`).
+"""Golden vectors of the shipped model, to verify a controller in another language (`docs/engine.md`).
 
 python -m training.export.golden assets/golden_step.npz
 """
@@ -29,12 +29,12 @@ STICK = (
     (0.8, 0.6, Gait.JOG, 60),
     (0.0, 0.0, Gait.WALK, 30),
 )
-KEPT = (10, 80, 140)  # frames whose step of the network is kept: standing, walking, jogging
+KEPT = (10, 80, 140)  # frames whose network step is stored: standing, walking, jogging
 TEMPERATURE = 0.7
 
 
 class _Listened:
-    """A model that notes the inputs of its steps."""
+    """A model that records the inputs of its steps."""
 
     def __init__(self, model: MotionModel) -> None:
         self._model, self.inputs = model, list[NDArray[np.float32]]()
@@ -43,7 +43,7 @@ class _Listened:
         return getattr(self._model, name)
 
     def fold_style(self, z: NDArray[np.float32], strength: float = 1.0) -> Style:
-        """Without gains of swings: they are of what this program shows."""
+        """Fold a style without swing gains, which only concern the display of this program."""
         return replace(self._model.fold_style(z, strength), swings=PLAIN)
 
     def step(self, x: NDArray[np.float32], noise: NDArray[np.float32], style: Style | Sequence[Style]) -> Any:
@@ -88,7 +88,7 @@ def golden_vectors(model: MotionModel) -> dict[str, NDArray[Any]]:
 
 
 def main() -> None:
-    """The command line above."""
+    """Run the command line above."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("path", type=Path)
     path = parser.parse_args().path

@@ -1,4 +1,4 @@
-"""ONNX graphs: torch modules written and compared with torch, and their weights stored in half precision."""
+"""Export of torch modules to ONNX graphs, checked against torch, with weights in half precision."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from runtime.atomic import write_atomic
 from runtime.motion.model_files import read_metadata, write_metadata
 
 OPSET = 18
-SMALLEST = 4096  # elements of a tensor that is worth a cast
-LARGEST = 6.0e4  # a weight beyond the range of half precision keeps its tensor in single precision
-LARGEST_DIFFERENCE = 1e-4  # between torch and the graph, relative to outputs above one
+MIN_CAST_ELEMENTS = 4096  # smallest tensor that is stored in half precision
+MAX_HALF_VALUE = 6.0e4  # tensors with weights beyond the float16 range stay float32
+MAX_DIFFERENCE_FRACTION = 1e-4  # between torch and graph, relative to outputs above one
 BATCH = torch.export.Dim("batch", min=1, max=4096)
 
 
@@ -29,10 +29,10 @@ def export_graph(
     shapes: tuple | None = None,
     leading: dict[str, str] | None = None,
 ) -> float:
-    """Write `module` and return its largest difference from torch on these `inputs`; RuntimeError above 1e-4.
+    """Write `module` and return its largest difference from torch on `inputs`; RuntimeError above 1e-4.
 
-    `shapes` are the dynamic shapes of `torch.export`, one for each input: by default the first dimension is any batch.
-    `leading` names the first dimension of inputs anew: torch ties dimensions that the products of a graph broadcast.
+    `shapes` are the dynamic shapes of `torch.export` per input, by default any batch as the first dimension. `leading`
+    renames the first dimension of inputs, because torch unifies dimensions that matrix products broadcast.
     """
     module, example = module.eval(), tuple(inputs.values())
     with torch.no_grad():
@@ -57,13 +57,13 @@ def export_graph(
     expected = expected if isinstance(expected, tuple) else (expected,)
     error = max(float(np.abs(a.numpy() - b).max()) for a, b in zip(expected, got, strict=True))
     scale = max(float(a.abs().max()) for a in expected)
-    if error > LARGEST_DIFFERENCE * max(1.0, scale):
+    if error > MAX_DIFFERENCE_FRACTION * max(1.0, scale):
         raise RuntimeError(f"{path}: ONNX differs from torch by {error:.2e}")
     return error
 
 
 def _clean(path: Path, leading: dict[str, str]) -> None:
-    """Take out the exporter's stack traces, which hold paths of this machine, and the shapes it inferred."""
+    """Remove the exporter's stack traces, which contain local paths, and the inferred shapes."""
     import onnx
 
     model = onnx.load(str(path))
@@ -71,7 +71,7 @@ def _clean(path: Path, leading: dict[str, str]) -> None:
     for value in graph.input:
         if value.name in leading:
             value.type.tensor_type.shape.dim[0].dim_param = leading[value.name]
-    # inferred shapes tie the renamed dimensions, and quantisation fails on them
+    # inferred shapes unify the renamed dimensions and break quantisation
     del graph.value_info[:]
     parts: list[Any] = [model, graph, *graph.node, *graph.input, *graph.output, *graph.initializer]
     for function in model.functions:
@@ -83,10 +83,9 @@ def _clean(path: Path, leading: dict[str, str]) -> None:
 
 
 def store_in_half(path: Path) -> int:
-    """Rewrite the graph `path` with its large float32 weights as float16 and a cast behind each; returns how many.
+    """Store large float32 weights of the graph `path` as float16, each followed by a cast; returns their number.
 
-    That is half the bytes to download. onnxruntime computes the casts once, when it loads a graph: neither speed nor memory
-    of a frame changes.
+    This halves the download. onnxruntime evaluates the casts once while loading, so run-time speed and memory are equal.
     """
     import onnx
     from onnx import TensorProto, helper, numpy_helper
@@ -95,10 +94,10 @@ def store_in_half(path: Path) -> int:
     graph = model.graph
     casts = []
     for tensor in graph.initializer:
-        if tensor.data_type != TensorProto.FLOAT or int(np.prod(tensor.dims)) < SMALLEST:
+        if tensor.data_type != TensorProto.FLOAT or int(np.prod(tensor.dims)) < MIN_CAST_ELEMENTS:
             continue
         values = numpy_helper.to_array(tensor)
-        if np.abs(values).max() > LARGEST:
+        if np.abs(values).max() > MAX_HALF_VALUE:
             continue
         name = tensor.name
         tensor.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}_half"))
@@ -112,7 +111,7 @@ def store_in_half(path: Path) -> int:
 
 
 def store_model_in_half(folder: Path) -> int:
-    """Every graph of a model folder by `store_in_half`, and their hashes in its metadata; returns the casts."""
+    """Apply `store_in_half` to all graphs of a model folder and update their hashes; returns the number of casts."""
     metadata = read_metadata(folder)
     count = 0
     for name in metadata["sha256"]:

@@ -1,4 +1,4 @@
-"""Trained weights to what the runtime loads: ONNX graphs and a metadata file with their hashes."""
+"""Export of trained weights for the runtime: ONNX graphs and a metadata file with their hashes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CODES = ("mean", "log_variance")  # outputs
 
 
 class MixtureStepGraph(FrameGraph):
-    """One frame by the one-layer MoE decoder E_d: the interface of `StepGraph`, but the noise changes nothing."""
+    """One frame by the one-layer MoE decoder E_d, with the interface of `StepGraph`; noise has no effect."""
 
     def __init__(self, generator: Generator, normal: Normalisation) -> None:
         super().__init__(generator, normal)
@@ -41,9 +41,9 @@ class MixtureStepGraph(FrameGraph):
 
 
 class PromptGraph(nn.Module):
-    """Six sentence embeddings `(N, 6, D)` to standardised Z^t, and mean and log-variance as in Eq. 2, all `(N, 6, 64)`.
+    """Maps six sentence embeddings `(N, 6, D)` to standardised Z^t, mean and log-variance (Eq. 2), all `(N, 6, 64)`.
 
-    In the ablation without a content encoder the standardised embeddings alone, which are its Z^t.
+    In the ablation without a content encoder the only output is the standardised embeddings, its Z^t.
     """
 
     centre: Tensor
@@ -63,9 +63,9 @@ class PromptGraph(nn.Module):
 
 
 class MotionGraph(nn.Module):
-    """The stage-1 motion encoder on sequences in real units, as `stage_content.Sequences` cuts them.
+    """The stage-1 motion encoder on sequences in physical units, as from `training.stages.content.Sequences`.
 
-    Joints `(N, 40, 31, 9)` relative to the root (position with the ground's height removed, 6D rotation) and root
+    Maps joints `(N, 40, 31, 9)` relative to the root (position with the ground's height removed, 6D rotation) and root
     velocity `(N, 40, 3)`, every second frame at 60 Hz, to mean and log-variance `(N, 6, 64)` of Z^m.
     """
 
@@ -85,15 +85,15 @@ class MotionGraph(nn.Module):
 
 
 class StyleGraph(nn.Module):
-    """Z^t `(6, 64)` to the folded modulator weights and the style's natural speeds (walk, jog) in m/s,
-    then what `training.export.pace` fits."""
+    """Maps Z^t `(6, 64)` to the folded modulator weights, and to the natural speeds (walk, jog, m/s) and rest rhythm that
+    `training.export.pace` fits."""
 
     regression: Tensor
 
     def __init__(self, generator: Generator, speeds: Tensor) -> None:
         super().__init__()
         self.modulator = generator.modulator
-        # (n + 1, 2 or 2 + 2 C), the last row is the intercept; not named as the output: a graph has a name once
+        # (n + 1, 2 or 2 + 2 C), intercept in the last row; its name must differ from that of the output
         self.register_buffer("regression", speeds)
 
     def forward(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -104,7 +104,7 @@ class StyleGraph(nn.Module):
 
 @dataclass(kw_only=True)
 class Trained:
-    """Everything the export needs."""
+    """Inputs of the export."""
 
     config: ModelConfig
     content: ContentEncoder | None  # None: the ablation without one
@@ -115,17 +115,17 @@ class Trained:
     speeds: Tensor
     steps: list[ReverseStep]
     sigma_bar_squared: np.ndarray
-    start: dict[str, list[float]]  # y and phase of a standing frame
+    start: dict[str, list[float]]  # y and phase of a standing frame, the initial state
     credits: list[str]
     notes: dict[str, object]
     curves: dict[str, str]  # stage to its last losses
-    neutral: np.ndarray  # (6, 64) standardised Z^t of neutral walking, which `strength` starts from
+    neutral: np.ndarray  # (6, 64) standardised Z^t of neutral walking, the origin of `strength`
     sequence_scales: dict[str, Tensor]  # stage 1: joint_mean, joint_deviation (31, 9), root_deviation (3,)
     decoder: str = "diffusion"  # or "mixture": the decoder of stage 2 (w/o-Diffusion)
 
 
 def export_model(trained: Trained, folder: Path) -> None:
-    """Write prompt, style, step and motion.onnx and metadata.json; each graph is checked against torch to 1e-4."""
+    """Write prompt, style, step and motion.onnx and metadata.json; graphs must agree with torch to 1e-4."""
     folder.mkdir(parents=True, exist_ok=True)
     generator = trained.generator.cpu().eval()
     normal = trained.normal.to(torch.device("cpu"))

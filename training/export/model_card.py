@@ -1,4 +1,4 @@
-"""The model card that travels with the exported networks: `model_card.md` with a model's own values."""
+"""The model card of exported networks: `model_card.md` filled with the values of a model."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
-    """Markdown text from `metadata.json`'s content; `curves` maps a stage to its last logged losses."""
+    """Return the card as Markdown from the content of `metadata.json`; `curves` maps stages to their last losses."""
     notes = metadata["notes"]
     rollouts = any(credit.startswith("Rollouts") for credit in metadata["credits"])
     return (
@@ -33,7 +33,7 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
 
 
 def _history(notes: dict[str, Any], curves: dict[str, str]) -> list[str]:
-    """Steps and last losses of the stages, and what was done to the weights afterwards."""
+    """Return steps and last losses of the stages, and later changes of the weights."""
     again = any(len(counts) > 1 for counts in notes["steps"].values())
     steps = ", ".join(f"{stage} {' + '.join(map(str, counts))}" for stage, counts in notes["steps"].items())
     sums = " A sum is of models that each went on from the weights of the one before." if again else ""
@@ -45,7 +45,7 @@ def _history(notes: dict[str, Any], curves: dict[str, str]) -> list[str]:
 
 
 def _eight_bits(quantised: dict[str, Any]) -> str:
-    """What is said of the 8-bit step graph, where there is one."""
+    """Return the paragraph on the 8-bit step graph, if there is one."""
     if "relative_error" not in quantised:
         return ""
     but = f", but for {', '.join(quantised['kept'])}" if quantised.get("kept") else ""

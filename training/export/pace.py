@@ -1,4 +1,4 @@
-"""What the runtime needs in addition to weights: speeds of styles, what moves at rest, what is neutral, and the first frame."""
+"""Data of the runtime besides weights: speeds of styles, phase rates at rest, the neutral style, and the first frame."""
 
 from __future__ import annotations
 
@@ -15,58 +15,58 @@ from runtime.skeleton import PART_NAMES
 from training.frames import LAYERED, PLAIN, FrameTable, smooth
 from training.styles import StyleTable
 
-STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
-STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second
-MIN_FRAMES = 90  # of a clip that go straight ahead, or it says nothing of its style's pace
-DRAWS = 240  # of words for each captured style, so that styles count alike
-# Weights in the fit, against all captured styles: of edits of steps, which have a pace of their own, and of the other edits.
+STRAIGHT_RAD = np.deg2rad(20.0)  # between velocity and facing direction
+STEADY_TURN_RAD_PER_S = 0.35  # of the root, smoothed over a second
+MIN_FRAMES = 90  # straight ahead, for a clip to count for its style's pace
+DRAWS = 240  # samples of words per captured style, so that styles count equally
+# Weights in the fit relative to all captured styles: edits of steps, which have their own pace, and other edits.
 PACED_WEIGHT, LAYERED_WEIGHT = 0.15, 0.05
-# Chance of a part to be another's in the half of the fit that is composed; a leg is none of them: the pace is its own.
+# Probability that a part is another clip's in the composed half of the fit; legs are not exchanged: they set the pace.
 OTHERS = {"left_arm": 0.5, "right_arm": 0.5, "torso": 0.4, "head": 0.5}
-PLAIN_OTHERS = 0.3  # of these are neutral
+NEUTRAL_OTHERS_FRACTION = 0.3  # of these parts are neutral
 FALLBACKS = {Gait.WALK: 1.3, Gait.JOG: 2.6}  # m/s
-# of the neutral walk, with which the program begins and whose words stand in many sentences
+# of the neutral walk, with which the program starts and whose words are in many sentences
 PLAIN_WEIGHT = 4.0
 FORWARD_CONTENTS = {Gait.WALK: ("walk forward",), Gait.JOG: ("run forward", "jog forward")}
 
-# m/s: slower, a forward take starts, stops or turns back
+# m/s; at other speeds a forward take starts, stops or turns back
 FORWARD_SPEEDS = {Gait.WALK: (0.55, 2.2), Gait.JOG: (1.2, 8.0)}
 
 
 def style_speeds(table: FrameTable, style: StyleTable, paced: np.ndarray, ridge: float = 0.15) -> np.ndarray:
-    """Ridge regression `(n + 1, 2)` from the n numbers of Z^t to the speeds in m/s at which a style walks and jogs straight ahead.
+    """Fit a ridge regression `(n + 1, 2)` from the n numbers of Z^t to a style's straight walking and jogging speed, m/s.
 
-    Side steps, turns, starts and stops are slower: fitted on them too, a full stick would be. Half of the fit has arms,
-    torso and head of others, as training composes them: what an arm does leaves the pace alone. `paced` `(clips,)` bool
-    marks edits of steps.
+    Side steps, turns, starts and stops are excluded, because they would slow down a full stick. Half of the samples have
+    arms, torso and head of other clips, as composed in training, so that these do not affect the pace. `paced` `(clips,)`
+    bool marks edits of steps.
     """
     torch.manual_seed(0)
     columns, neutral, random = [], neutral_style(table, style), np.random.default_rng(0)
     for label, fallback in FALLBACKS.items():
         clips, targets, weights = _paces(table, label, paced)
         index = torch.as_tensor(clips, device=style.index.device)
-        own = style.draw(index).cpu().numpy()  # (0, n) of a gait that no clip has
+        own = style.draw(index).cpu().numpy()  # (0, n) if no clip has the gait
         inputs = np.concatenate([own, _composed(own, neutral, random)])
         columns.append(ridge_regression(inputs, np.tile(targets, 2), np.tile(weights, 2), ridge, fallback))
     return np.stack(columns, 1).astype(np.float32)
 
 
 def _composed(inputs: np.ndarray, neutral: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Z^t `(N, n)` with some parts but the legs from other rows, or from `neutral` `(6, n / 6)`."""
+    """Replace some parts of Z^t `(N, n)`, never legs, by those of other rows or of `neutral` `(6, n / 6)`."""
     count = len(inputs)
     parts = inputs.reshape(count, len(PART_NAMES), inputs.shape[1] // len(PART_NAMES))
     result = parts.copy()
     for name, chance in OTHERS.items():
         part = PART_NAMES.index(name)
         others = parts[random.permutation(count), part]
-        others[random.random(count) < PLAIN_OTHERS] = neutral[part]
+        others[random.random(count) < NEUTRAL_OTHERS_FRACTION] = neutral[part]
         taken = random.random(count) < chance
         result[taken, part] = others[taken]
     return result.reshape(inputs.shape)
 
 
 def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
-    """Median speed `(clips,)` of each clip while it goes straight ahead in a gait; nan where it hardly does."""
+    """Return the median speed `(clips,)` of each clip straight ahead in a gait; NaN for fewer than `MIN_FRAMES`."""
     gait = table.x[:, INPUT["gait"]].reshape(len(table), L, -1)[:, :, label].min(1).astype(np.float32)
     root = table.y[:, OUTPUT["root"]].astype(np.float32)
     speed = np.linalg.norm(root[:, :2], axis=1)
@@ -76,7 +76,7 @@ def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
         if part.stop - part.start < MIN_FRAMES:
             continue
         across, ahead, turn = (smooth(root[part, k : k + 1], 15.0)[:, 0] for k in range(3))
-        straight = (np.abs(np.arctan2(across, ahead)) < STRAIGHT) & (np.abs(turn) < STEADY_TURN)
+        straight = (np.abs(np.arctan2(across, ahead)) < STRAIGHT_RAD) & (np.abs(turn) < STEADY_TURN_RAD_PER_S)
         chosen = straight & (gait[part] > 0.9) & (speed[part] > 0.3)
         if chosen.sum() >= MIN_FRAMES:
             result[clip] = np.median(ahead[chosen])
@@ -84,10 +84,10 @@ def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
 
 
 def forward_speeds(table: FrameTable, label: Gait) -> dict[int, np.ndarray]:
-    """Speeds over half a second of every forward take in a gait, by clip, starts and stops left out.
+    """Return speeds (over half a second) of every forward take in a gait, by clip, without starts and stops.
 
-    Such a take goes straight ahead, or round the room at the same pace; of the short ones there is nothing to leave out.
-    A walk with springing steps is a walk by its take's name, whatever its frames are labelled.
+    Such takes go straight ahead, or round the room at the same pace; short ones have no starts and stops. The take's name
+    decides the gait: a walk with springing steps is a walk, whatever the labels of its frames.
     """
     lowest, highest = FORWARD_SPEEDS[label]
     result = {}
@@ -103,7 +103,7 @@ def forward_speeds(table: FrameTable, label: Gait) -> dict[int, np.ndarray]:
 
 
 def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
-    """Speed of each captured style straight ahead: of its forward takes, where it has some."""
+    """Return the straight speed of each captured style, from its forward takes if it has any."""
     forward, straight = forward_speeds(table, label), straight_speeds(table, label)
     takes: dict[str, dict[str, list[np.ndarray]]] = defaultdict(lambda: defaultdict(list))
     others = defaultdict(list)
@@ -113,7 +113,7 @@ def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
         if content == LAYERED or " on " in content or table.mirrored[clip]:
             continue
         if clip in forward:
-            takes[style][re.sub(r"_\d$", "", name)].append(forward[clip])  # long takes are cut in parts
+            takes[style][re.sub(r"_\d$", "", name)].append(forward[clip])  # long takes are cut into parts
         if np.isfinite(straight[clip]):
             others[style].append(straight[clip])
     paces = {style: _pace(list(takes[style].values()), others[style]) for style in sorted(set(table.styles))}
@@ -121,13 +121,13 @@ def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
 
 
 def _pace(takes: list[list[np.ndarray]], others: list[float]) -> float | None:
-    """Median speed of forward takes that are long enough, or of other clips where there is none."""
+    """Return the median speed of forward takes that are long enough, or else of other clips."""
     speeds = [np.median(s) for s in map(np.concatenate, takes) if len(s) >= FPS] or others
     return float(np.median(speeds)) if speeds else None
 
 
 def _paces(table: FrameTable, label: Gait, paced: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Clips whose words are fitted `(n,)`, the pace of each in m/s and its weight."""
+    """Return the clips of the fit `(n,)`, the pace of each in m/s and its weight."""
     paces = captured_paces(table, label)
     random = np.random.default_rng(0)
     styles = np.array(table.styles)
@@ -151,7 +151,7 @@ def _paces(table: FrameTable, label: Gait, paced: np.ndarray) -> tuple[np.ndarra
 
 
 def neutral_style(table: FrameTable, style: StyleTable) -> np.ndarray:
-    """Mean Z^t `(6, n / 6)` of the words of plain captured clips; of all clips where there are none."""
+    """Return the mean Z^t `(6, n / 6)` of plain captured clips, or of all clips if there are none."""
     plain = [s == PLAIN and c != LAYERED for s, c in zip(table.styles, table.contents, strict=True)]
     clips = [c for c, known in enumerate(plain) if known] or list(range(len(table.styles)))
     index = style.index[torch.as_tensor(clips, device=style.index.device)]
@@ -161,7 +161,7 @@ def neutral_style(table: FrameTable, style: StyleTable) -> np.ndarray:
 def ridge_regression(
     inputs: np.ndarray, values: np.ndarray, weights: np.ndarray, ridge: float, fallback: float
 ) -> np.ndarray:
-    """Weights `(n + 1,)`, the intercept last, from inputs `(N, n)` to values `(N,)`; `fallback` where there are none."""
+    """Return weights `(n + 1,)`, intercept last, from inputs `(N, n)` to values `(N,)`; `fallback` if there are none."""
     if len(values) < 2:
         return np.concatenate([np.zeros(inputs.shape[-1]), [fallback]])
     mean = np.average(values, weights=weights)
@@ -171,7 +171,7 @@ def ridge_regression(
 
 
 def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
-    """The quietest standing frame of a plain clip: where a character begins, upright and with straight knees."""
+    """Return the calmest standing frame of a plain clip, the initial state: upright, with straight knees."""
     styles = np.array(table.styles)[table.clip]
     gait = table.x[:, INPUT["gait"]].reshape(len(table), L, -1)[:, :, Gait.STAND].min(1)
     contacts = table.y[:, OUTPUT["contacts"]].min(1)
@@ -190,17 +190,17 @@ def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
     }
 
 
-REST_DRAWS = 6  # of words for each standing clip
-STANDING = 0.9  # fraction of a clip's frames
-MARGIN = 10  # frames at both ends, where the periodic autoencoder sees half a window
-SHORTEST = FPS  # frames
+REST_DRAWS = 6  # samples of words per standing clip
+STANDING_FRACTION = 0.9  # of a clip's frames, for a standing clip
+MARGIN_FRAMES = 10  # at both ends, where the autoencoder's window is incomplete
+MIN_REST_FRAMES = FPS
 
 
 def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable) -> np.ndarray:
-    """Ridge regression `(n + 1, 2 C)` from the n numbers of Z^t to each channel's amplitude and, after these, turns a second at rest.
+    """Fit a ridge regression `(n + 1, 2 C)` from the n numbers of Z^t to each channel's amplitude, then its rate (Hz), at rest.
 
-    A standing body has no steps to keep time by. Of a hand that waves the network knows how it moves at each phase, but its
-    own forecast of the phase comes to rest; so the runtime turns the phases of such styles by a clock.
+    A standing body has no steps as a clock. The network knows how a waving hand moves at each phase, but its predicted
+    phase stalls; so the runtime advances the phases of such styles by a clock.
     """
     torch.manual_seed(0)
     clips = [clip for clip in range(len(table.styles)) if _stands(table, clip)]
@@ -213,19 +213,19 @@ def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable) -> np.n
 
 
 def _inner(table: FrameTable, clip: int) -> slice:
-    return slice(int(table.start[clip]) + MARGIN, int(table.start[clip + 1]) - MARGIN)
+    return slice(int(table.start[clip]) + MARGIN_FRAMES, int(table.start[clip + 1]) - MARGIN_FRAMES)
 
 
 def _stands(table: FrameTable, clip: int) -> bool:
     frames = _inner(table, clip)
-    if frames.stop - frames.start < SHORTEST or table.held_out[clip]:
+    if frames.stop - frames.start < MIN_REST_FRAMES or table.held_out[clip]:
         return False
     gait = table.x[frames, INPUT["gait"]].reshape(-1, L, len(Gait))[:, L // 2, Gait.STAND]
-    return float((gait > 0.5).mean()) > STANDING
+    return float((gait > 0.5).mean()) > STANDING_FRACTION
 
 
 def _rhythm(phase: np.ndarray) -> np.ndarray:
-    """Mean amplitude `(C,)` and turns a second `(C,)` of phases `(T, C, 2)`."""
+    """Return mean amplitude `(C,)` and rate in Hz `(C,)` of phases `(T, C, 2)`."""
     phase = np.asarray(phase, np.float64)
     angle = np.unwrap(np.arctan2(phase[..., 0], phase[..., 1]), axis=0)
     turns = (angle[-1] - angle[0]) / (2 * np.pi) * FPS / (len(angle) - 1)

@@ -1,7 +1,7 @@
-"""An 8-bit twin of the step graph, and how far its output is from the original's on frames of the model's own walks.
+"""8-bit quantisation of the step graph, and its error on frames of the model's own walks.
 
-python -m training.export.quantize FOLDER                     writes step_int8.onnx and what was measured into metadata.json
-python -m training.export.quantize FOLDER --default fp32      and lets full precision be loaded unless int8 is given
+python -m training.export.quantize FOLDER                     writes step_int8.onnx, and its error into metadata.json
+python -m training.export.quantize FOLDER --default fp32      makes full precision the default
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
     import onnx
 
 
-# Products that stay in full precision. They are small, and their error is not averaged out by what follows: E's
-# projection enters all denoising steps, the head and the expert decoder (`base_weight`, where it is part of the graph)
-# give the pose itself.
+# Products that stay in full precision. They are small, and later layers do not average out their error: E's projection
+# enters all denoising steps; the head and the expert decoder (`base_weight`, if it is in the graph) output the pose
+# itself.
 KEPT = ("condition_weight", "head_weight", "base_weight", "encoder_second_bias")
-# What 8 bits may cost (`relative_error`). Where it is more, the last block's second product stays in full precision too:
-# it is small, and nothing after it averages its error out.
-LIMIT = 0.01
+# Limit of `relative_error`. Above it, the last block's second product stays in full precision too: it is small, and its
+# error is not averaged out.
+MAX_RELATIVE_ERROR = 0.01
 LAST_LINEAR = "linear_{}"
-# The products before the denoising steps have one row for each character and wait for their weights: a second row
-# costs next to nothing.
+# Products before the denoising steps have one row per character and are bound by memory bandwidth: a second row is
+# almost free.
 REFINED = ("encoder_first", "encoder_second", "front_wide")
-REMAINDER = 16.0  # small enough for the second row not to widen the range of the first
-COURSES = (  # prompt, path, gait, terrain of the walks that the error is measured on
+REMAINDER_FACTOR = 16.0  # small enough that the second row does not exceed the range of the first
+COURSES = (  # prompt, path, gait and terrain of the walks on which the error is measured
     ("a proud queen", "figure8", "walk", "flat"),
     ("walk like a drunk", "random", "walk", "hills"),
     ("an exhausted soldier, left arm hanging", "circle", "walk", "stairs"),
@@ -51,12 +51,12 @@ COURSES = (  # prompt, path, gait, terrain of the walks that the error is measur
     ("an old man with a bad back", "forward", "walk", "flat"),
     ("sneak carefully, head down", "random", "crouch", "flat"),
 )
-SECONDS = 4.0  # of each
+WALK_S = 4.0  # length of each walk
 
 
 @dataclass(frozen=True)
 class CalibrationFrames:
-    """Inputs of single frames: x `(N, 472)`, noise `(N, steps, K, output)` and a style for each."""
+    """Inputs of single frames: x `(N, 472)`, noise `(N, steps, K, output)` and their styles."""
 
     x: Array
     noise: Array
@@ -64,12 +64,12 @@ class CalibrationFrames:
 
 
 def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
-    """Write the step graph `source` with 8-bit weights, one scale for each column, and activations scaled as they come.
+    """Write the step graph `source` with 8-bit weights, one scale per column, and dynamically scaled activations.
 
-    `kept` names weights that stay in full precision as well as those in KEPT.
+    `kept` names weights that stay in full precision in addition to KEPT.
 
-    Weights are signed, which is 1.4 times as fast as unsigned where the processor multiplies them exactly; elsewhere the
-    runtime makes them unsigned (`runtime.motion.unsigned_weights`). FileError when `source` is of an older export.
+    Weights are signed, 1.4 times as fast as unsigned on processors that multiply them exactly; for others the runtime
+    converts them (`runtime.motion.unsigned_weights`). FileError if `source` is from an older export.
     """
     import onnx
     from onnxruntime.quantization import QuantType, quantize_dynamic
@@ -79,7 +79,7 @@ def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
     if not set(REFINED) <= set(weights):
         raise FileError(f"{source}: its layers cannot be identified.", "Export the model again.")
     _refine(model)
-    # products with several matrices (one for each expert) have no scale for each column in onnxruntime
+    # onnxruntime has no per-column scales for batched matrices (one per expert)
     chosen = [
         node.name
         for node in model.graph.node
@@ -89,7 +89,7 @@ def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
     ]
     root = logging.getLogger()
     level = root.level
-    root.setLevel(logging.ERROR)  # it recommends a preparation that export_graph has done
+    root.setLevel(logging.ERROR)  # it recommends preprocessing that export_graph has done
     try:
         quantize_dynamic(
             model,
@@ -105,11 +105,11 @@ def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
 
 
 def _refine(model: onnx.ModelProto) -> None:
-    """Give the inputs of the products in REFINED a second row: what their rounding to 8 bits leaves, times REMAINDER."""
+    """Add a second row to the inputs of products in REFINED: their 8-bit rounding error times REMAINDER_FACTOR."""
     from onnx import helper, numpy_helper
 
     nodes = []
-    for name, value in (("remainder", REMAINDER), ("remainder_share", 1.0 / REMAINDER)):
+    for name, value in (("remainder", REMAINDER_FACTOR), ("remainder_share", 1.0 / REMAINDER_FACTOR)):
         model.graph.initializer.append(numpy_helper.from_array(np.array(value, np.float32), name))
     for node in model.graph.node:
         if node.op_type != "MatMul" or node.input[1] not in REFINED:
@@ -138,9 +138,9 @@ def quantize_model(
     frames: CalibrationFrames | None = None,
     text_encoder: Path | None = None,
 ) -> dict[str, object]:
-    """Write `step_int8.onnx` into a model folder and what it costs into its metadata: the section, which is returned.
+    """Write `step_int8.onnx` into a model folder, and a section with its error, which is returned, into the metadata.
 
-    `default` is the precision that `auto` means for this model; `frames` are by default those of `record_frames`.
+    `default` is the precision that `auto` selects for this model; `frames` default to those of `record_frames`.
     """
     target = folder / f"{INT8_GRAPH}.onnx"
     last = LAST_LINEAR.format(int(read_metadata(folder)["config"]["denoiser_blocks"]) - 1)
@@ -148,11 +148,11 @@ def quantize_model(
     for kept in ((), (last,)):
         quantize_step(folder / "step.onnx", target, kept)
         digest = hashlib.sha256(target.read_bytes()).hexdigest()
-        _note(folder, {"default": "fp32"}, digest)  # loaded to be measured
+        _note(folder, {"default": "fp32"}, digest)  # for loading it in the measurement
         frames = frames or record_frames(folder, text_encoder)
         measured = measure(folder, frames)
         section = {"default": default, "kept": list(kept), **measured}
-        if measured["relative_error"] <= LIMIT:
+        if measured["relative_error"] <= MAX_RELATIVE_ERROR:
             break
     _note(folder, section, digest)
     return section
@@ -181,14 +181,14 @@ class _Recorder(MotionModel):
 
 
 def record_frames(folder: Path, text_encoder: Path | None) -> CalibrationFrames:
-    """Record what the networks of a folder meet while they walk, jog and sneak in six styles, in full precision."""
+    """Record network inputs while walking, jogging and sneaking in six styles, in full precision."""
     model = _Recorder(folder)
     to_style = Prompter(model, text_encoder=text_encoder)
     for seed, (prompt, path, gait, terrain) in enumerate(COURSES):
         controller = Controller(model, load_terrain(terrain), seed)
         controller.set_style(to_style(prompt), 0.0)
         script, pose = control_script(path, gait, 1.0, seed), controller.pose
-        for frame in range(round(SECONDS * FPS)):
+        for frame in range(round(WALK_S * FPS)):
             x, _, z = pose.root_position
             pose = controller.step(script(frame / FPS, PlanarPose(float(x), float(z), pose.root_yaw)))
     xs, noises, styles = zip(*model.frames, strict=True)
@@ -196,7 +196,7 @@ def record_frames(folder: Path, text_encoder: Path | None) -> CalibrationFrames:
 
 
 def measure(folder: Path, frames: CalibrationFrames) -> dict[str, float]:
-    """Difference of int8 from fp32, frame by frame: `relative_error` and the joints' positions in mm."""
+    """Measure the difference of int8 from fp32 per frame: `relative_error`, and joint positions in mm."""
     full, small = (load_model(folder, precision=precision) for precision in ("fp32", "int8"))
     expected, got = (
         np.concatenate(
@@ -218,7 +218,7 @@ def measure(folder: Path, frames: CalibrationFrames) -> dict[str, float]:
 
 
 def relative_error(expected: Array, got: Array, deviation: Array | float = 1.0) -> float:
-    """Length of the error of y `(N, output)` against that of y around its mean, each entry in standard deviations."""
+    """Return the norm of the error of y `(N, output)` over that of y around its mean, entries in standard deviations."""
     spread = (expected - expected.mean(0)) / deviation
     return float(np.linalg.norm((got - expected) / deviation) / np.linalg.norm(spread))
 
@@ -235,11 +235,11 @@ def _deviation(path: Path) -> Array:
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
-        prog="training.export.quantize", description="Write a model's 8-bit twin."
+        prog="training.export.quantize", description="Quantise a model's step graph to 8 bits."
     )
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--default", choices=PRECISIONS[1:], default="int8", help="what `auto` loads")
-    parser.add_argument("--text-encoder", type=Path, help="folder of the text encoder of the model")
+    parser.add_argument("--default", choices=PRECISIONS[1:], default="int8", help="precision of `auto`")
+    parser.add_argument("--text-encoder", type=Path, help="folder of the model's text encoder")
     options = parser.parse_args(argv)
     section = quantize_model(options.folder, options.default, text_encoder=options.text_encoder)
     print(f"{options.folder / INT8_GRAPH}.onnx: " + ", ".join(f"{k} {v}" for k, v in section.items()))

@@ -1,8 +1,8 @@
-"""One frame in the form in which it is fast: the prompt folded in, one product per layer, weights laid out for it.
+"""Step graph, optimised for speed: prompt folded in, one matrix product per layer, weights in its layout.
 
-The same values as `training.networks.generator.Generator.sample` (measured at export), written anew because the order
-of the operations decides the speed: all experts of a layer are one matrix product, E's projection into the denoiser is
-computed once for all steps, step embeddings are constants, and the convolution over the tokens is one wide product.
+It computes the same values as `training.networks.generator.Generator.sample` (checked at export) with other operations:
+all experts of a layer are one matrix product, E's projection into the denoiser is computed once for all steps, step
+embeddings are constants, and the convolution over the tokens is one wide product.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from training.networks.modulator import instance_norm
 
 
 class ScaledGraph(nn.Module):
-    """A graph of x and y in real units, with the scales that the networks see them in."""
+    """A graph with x and y in physical units, and the normalisation of the networks."""
 
     x_mean: Tensor
     x_deviation: Tensor
@@ -38,14 +38,14 @@ class ScaledGraph(nn.Module):
             self.keep(name, value)
 
     def keep(self, name: str, value: Tensor) -> None:
-        """A constant of the graph, in the order of its dimensions."""
+        """Register a constant of the graph with contiguous memory."""
         self.register_buffer(name, value.detach().clone().contiguous())
 
 
 class FrameGraph(ScaledGraph):
-    """x in real units to E and alpha, from the tensors of `ContentModulator.fold`.
+    """Maps x in physical units to E and alpha, with the tensors of `ContentModulator.fold`.
 
-    Those have a leading dimension: 1 where all characters of the batch have one prompt, or the batch.
+    These have a leading dimension: 1 if all characters of the batch share a prompt, or the batch.
     """
 
     encoder_first: Tensor
@@ -72,7 +72,7 @@ class FrameGraph(ScaledGraph):
     def embed(
         self, x: Tensor, front_bias: Tensor, content_weight: Tensor, content_bias: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """E `(B, n)` and alpha `(B, K)` of x `(B, 472)`."""
+        """Return E `(B, n)` and alpha `(B, K)` of x `(B, 472)`."""
         experts, (wide, _) = self.config.experts, self.config.front
         x = normalised(x, self.x_mean, self.x_deviation, self.x_limit)
         alpha = self.gating(x[:, MOTION_INPUT_SIZE:])
@@ -89,7 +89,7 @@ class FrameGraph(ScaledGraph):
 
 
 class StepGraph(FrameGraph):
-    """x `(B, 472)` and noise to y `(B, output)`, in real units; the denoising steps are unrolled."""
+    """Maps x `(B, 472)` and noise to y `(B, output)` in physical units; the denoising steps are unrolled."""
 
     code_weight: Tensor
     condition_weight: Tensor
@@ -127,7 +127,7 @@ class StepGraph(FrameGraph):
             self.keep("base_bias", base.bias)
         self.keep("code_mean", generator.code_mean)
         self.keep("code_deviation", generator.code_deviation)
-        # the tokens at the three taps of the convolution, in a row of tokens with a zero at each end
+        # indices of the three taps of the convolution in the zero-padded row of tokens
         taps = torch.arange(self.config.experts)[:, None] + torch.arange(3)
         self.keep("taps", taps.flatten())
 
@@ -165,7 +165,7 @@ class StepGraph(FrameGraph):
 
 
 def export_step(graph: FrameGraph, generator: Generator, steps: int, path: Path) -> float:
-    """Write a step graph for any batch and one or as many styles; its largest difference from torch."""
+    """Write a step graph for any batch with one style or one per character; returns its largest difference from torch."""
     config = generator.config
     with torch.no_grad():
         folds = [generator.modulator.fold(torch.randn(1, config.style_size)) for _ in range(2)]
@@ -176,7 +176,7 @@ def export_step(graph: FrameGraph, generator: Generator, steps: int, path: Path)
 
 
 class PlainGraph(ScaledGraph):
-    """A frame exported as the networks are written, Z^t `(B, 384)` among the inputs: what speed is compared to.
+    """The networks exported without optimisation, with Z^t `(B, 384)` as an input: the reference of speed comparisons.
 
     The content experts are blended in every frame.
     """

@@ -1,7 +1,7 @@
-"""How far a model's swings are drawn out to be those of capture: `python -m training.export.swings --model FOLDER --data DIR`.
+"""Swing gains that match a model's amplitudes to capture: `python -m training.export.swings --model FOLDER --data DIR`.
 
-Every captured style is walked straight ahead, and its hips, shoulders and arms are compared with those of its raw files.
-What is missing is written with the style's code into the model's metadata; `runtime.motion.swing` shows it.
+Every captured style is walked straight ahead, and the swings of hips, shoulders and arms are compared with the raw files.
+The gains are written with the style's code into the model's metadata; `runtime.motion.swing` applies them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from runtime.arrays import Array
 from runtime.errors import run_command
 from runtime.motion.mirror import mirrored_code
 from runtime.motion.model_files import read_metadata, write_metadata
-from runtime.motion.swing import LEAST_GAIN, MOST_GAIN, PLAIN, SWINGS
+from runtime.motion.swing import MAX_GAIN, MIN_GAIN, PLAIN, SWINGS
 from training.evaluation.motion.evaluated_model import EvaluatedModel, style_texts
 from training.evaluation.on_straight_walks import Measures, generated_walks, raw_walks
 from training.presets import OPEN
@@ -30,11 +30,11 @@ PASSES = 2
 
 
 def measure_gains(evaluated: EvaluatedModel, raw: Mapping[str, Measures]) -> dict[str, Array]:
-    """Gains of every style with which its swings are as far as those of the raw files."""
+    """Return the gains of every style that bring its swings to the amplitudes of the raw files."""
     gained = copy(evaluated)
     gained.model = copy(evaluated.model)
     found: dict[str, Array] = {style: np.ones(len(SWINGS)) for style in raw}
-    set_gains: dict[bytes, tuple[float, ...]] = {}  # by the bytes of a code
+    set_gains: dict[bytes, tuple[float, ...]] = {}  # keys: bytes of a code
     gained.model.swings = lambda z: set_gains.get(z.tobytes(), PLAIN)  # type: ignore[method-assign]
     for number in range(PASSES):
         for style, gains in found.items():
@@ -43,15 +43,15 @@ def measure_gains(evaluated: EvaluatedModel, raw: Mapping[str, Measures]) -> dic
         walked = generated_walks(gained, raw)
         for style, ours in walked.items():
             missing = np.array([raw[style][key] / max(ours[key], 1e-3) for key in MEASURES])
-            found[style] = np.clip(found[style] * missing, LEAST_GAIN, MOST_GAIN)
+            found[style] = np.clip(found[style] * missing, MIN_GAIN, MAX_GAIN)
         log.info("pass %d: %d styles", number + 1, len(walked))
     return found
 
 
 def fit_swings(folder: Path, data: Path) -> dict[str, Array]:
-    """Measure a model folder against the raw files below `data`, and write what its swings lack into its metadata.
+    """Measure a model folder against the raw files below `data`, and write the gains into its metadata.
 
-    Of the model `open` only against those that allow commercial use.
+    The model `open` is only compared with files that allow commercial use.
     """
     metadata = read_metadata(folder)
     if metadata.pop("swings", None) is not None:
@@ -65,7 +65,7 @@ def fit_swings(folder: Path, data: Path) -> dict[str, Array]:
 
 
 def _row(evaluated: EvaluatedModel, style: str, gains: Array) -> dict[str, object]:
-    """A style's mean code over its descriptions, as text: one line of the file, and its gains."""
+    """Return a metadata entry: gains and mean code of a style, the code as text to fit on one line."""
     code = np.mean([evaluated.style(style, k) for k in range(len(evaluated.texts[style]))], axis=0)
     return {"style": style, "gains": gains.round(2).tolist(), "code": " ".join(f"{v:.2f}" for v in code.flat)}
 

@@ -1,7 +1,7 @@
-"""Which obstacles a model's network crosses by itself: `python -m training.export.traversals --model FOLDER`.
+"""Obstacles that a model's network crosses without keyframes: `python -m training.export.traversals --model FOLDER`.
 
-Bars, gaps and steps are walked and jogged at, without keys, in several styles. A size counts as crossed where most ways
-over it pass every check; what is larger, or of another kind, is keyed. The sizes go into the model's metadata.
+Characters of several styles walk and jog over bars, gaps and steps. A size counts as crossed if most traversals pass
+every check; larger or other obstacles are crossed by keyframes. The sizes are written into the model's metadata.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ SIZES = {  # metres
     ObstacleKind.GAP: (0.4, 0.6, 0.8, 1.0),
     ObstacleKind.BAR: (0.2, 0.25, 0.3, 0.4, 0.5, 0.6),
 }
-PASSED = 0.7  # fraction of the ways over a size that counts as crossed
-PLACE_M = 4.0  # of the near edge
-BEHIND_M, BEFORE_M = 2.0, 1.2  # what is walked behind it, and looked at before it
-BAR_M, FLOOR_M = 0.1, 0.6  # thickness of a bar; how deep a gap is
-LONGEST_S = 12.0
-LEVEL_FROM_M = 1.0  # of the way, where the style's own posture is taken
-MOST_TILT, SMOOTH = 0.35, FPS // 4  # radians that a trunk may tilt farther than there; frames
+PASSED_FRACTION = 0.7  # of the traversals of a size that must pass
+PLACE_M = 4.0  # of the obstacle's near edge
+BEHIND_M, BEFORE_M = 2.0, 1.2  # walked behind the obstacle; checked before it
+BAR_M, FLOOR_M = 0.1, 0.6  # thickness of a bar; depth of a gap
+MAX_WALK_S = 12.0
+LEVEL_FROM_M = 1.0  # from here to the obstacle the style's normal posture is measured
+MAX_TILT_RAD, SMOOTH_FRAMES = 0.35, FPS // 4  # extra tilt of the trunk over an obstacle
 NECK = SPORT_SKELETON.index("Neck")
 
 
 def measure_traversals(folder: Path) -> dict[str, float]:
-    """Measure a model folder, and write the largest size of each kind that is crossed into its metadata."""
+    """Measure a model folder, and write the largest crossed size of each kind into its metadata."""
     evaluated = EvaluatedModel(folder, style_texts(STYLES))
     model = copy(evaluated.model)
     model.crosses = lambda obstacle: True  # type: ignore[method-assign]
@@ -61,8 +61,8 @@ def measure_traversals(folder: Path) -> dict[str, float]:
             ground = obstacle_ground(kind, size)
             ways = [way for gait in GAITS for way in ways_over(model, ground, codes, gait)]
             fraction = float(np.mean([not problem for problem in ways]))
-            log.info("%s of %.2f m: %.0f %% of %d ways", kind.value, size, 100.0 * fraction, len(ways))
-            if fraction < PASSED:
+            log.info("%s of %.2f m: %.0f %% of %d traversals", kind.value, size, 100.0 * fraction, len(ways))
+            if fraction < PASSED_FRACTION:
                 break
             crossed[kind.value] = size
     write_metadata(folder, read_metadata(folder) | {"crosses": crossed})
@@ -70,7 +70,7 @@ def measure_traversals(folder: Path) -> dict[str, float]:
 
 
 def obstacle_ground(kind: ObstacleKind, size: float) -> Terrain:
-    """One obstacle across the way, its near edge at `PLACE_M`."""
+    """Return ground with one obstacle across the path, its near edge at `PLACE_M`."""
     z = np.arange(round((PLACE_M + BEHIND_M + 7.0) / CELL_M)) * CELL_M - 3.0
     behind = z > PLACE_M - 1e-6
     row: Array = {
@@ -83,13 +83,13 @@ def obstacle_ground(kind: ObstacleKind, size: float) -> Terrain:
 
 
 def ways_over(model: MotionModel, ground: Terrain, codes: Sequence[Array], gait: Gait) -> list[str]:
-    """Led straight over it at full stick from rest, one in each code: the first check that is not passed, empty where all are."""
+    """Walk over the obstacle at full stick from rest, once per code; returns the first failed check of each, or ""."""
 
     def stick(seconds: float, _: PlanarPose) -> Controls:
         return Controls((0.0, float(seconds >= SETTLE_SECONDS)), gait=gait)
 
     members = characters(model, ground, codes)
-    walks = walk_together(members, stick, round((SETTLE_SECONDS + LONGEST_S) * FPS))
+    walks = walk_together(members, stick, round((SETTLE_SECONDS + MAX_WALK_S) * FPS))
     return [_problem(np.stack([pose.positions for pose in poses]), ground) for poses in walks]
 
 
@@ -105,16 +105,16 @@ def _problem(positions: Array, ground: Terrain) -> str:
 
 
 def folds(positions: Array, level: Array) -> bool:
-    """Return whether a trunk tilts farther over an obstacle than ever on level ground: positions `(T, 31, 3)` of both."""
+    """Return whether the trunk tilts much farther over an obstacle than on level ground; positions `(T, 31, 3)`."""
     tilts = [_tilt(each) for each in (positions, level)]
-    return bool(tilts[0].max() > tilts[1].max() + MOST_TILT)
+    return bool(tilts[0].max() > tilts[1].max() + MAX_TILT_RAD)
 
 
 def _tilt(positions: Array) -> Array:
-    """Radians `(T,)` of the trunk from the vertical, smoothed over a quarter of a second."""
+    """Return the tilt of the trunk from the vertical `(T,)`, radians, smoothed over a quarter of a second."""
     trunk = positions[:, NECK].astype(np.float64) - positions[:, 0]
     angle = np.arctan2(np.hypot(trunk[:, 0], trunk[:, 2]), trunk[:, 1])
-    return np.convolve(angle, np.full(SMOOTH, 1.0 / SMOOTH), mode="valid")
+    return np.convolve(angle, np.full(SMOOTH_FRAMES, 1.0 / SMOOTH_FRAMES), mode="valid")
 
 
 def main(argv: Sequence[str] | None = None) -> None:

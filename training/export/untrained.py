@@ -1,10 +1,10 @@
-"""The step graphs of a preset with random weights: how fast a network is does not depend on what it has learned.
+"""Step graphs of a preset with random weights, for timing: speed does not depend on the weights.
 
 python -m training.export.untrained --preset paper FOLDER
-python -m training.export.untrained --model assets/models/compact FOLDER      layers as those of that model
+python -m training.export.untrained --model assets/models/compact FOLDER      layer sizes of that model
 
 Writes plain.onnx (content experts blended in every frame), style.onnx, step.onnx (folded) and step_int8.onnx. There is
-no metadata: it is no model that could be walked with.
+no metadata: it is not a usable model.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from training.presets import ModelConfig, preset
 
 
 def export_untrained(config: ModelConfig, folder: Path) -> None:
-    """Write the graphs of `config` with the weights that training would begin with."""
+    """Write the graphs of `config` with initial weights."""
     folder.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(0)
     generator = Generator(config).eval()
@@ -59,10 +59,10 @@ def export_untrained(config: ModelConfig, folder: Path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
-    parser = argparse.ArgumentParser(prog="training.export.untrained", description="Networks to be timed.")
+    parser = argparse.ArgumentParser(prog="training.export.untrained", description="Networks for timing.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--preset", default="paper")
-    parser.add_argument("--model", type=model_folder, help="folder of a model whose layer sizes are taken")
+    parser.add_argument("--model", type=model_folder, help="folder of a model whose layer sizes are used")
     options = parser.parse_args(argv)
     log_progress()
     config = preset(options.preset)

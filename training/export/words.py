@@ -1,7 +1,7 @@
-"""What a model does with words, measured anew: `python -m training.export.words --model FOLDER`.
+"""Measures how a model follows words: `python -m training.export.words --model FOLDER`.
 
-The words that it follows go into `wording.json`, its calibration into the model's metadata, and how much of each sentence it then
-shows into `shares.json`.
+Wordings that it follows better are written to `wording.json`, its calibration to the model's metadata, and its adherence
+to each sentence to `shares.json`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from training.export.calibrate import calibrate
 
 
 def measure_words(folder: Path, assets: Path, workers: int) -> None:
-    """Measure a calibrated model folder in `workers` processes; `assets` has the tables by model. KeyError without calibration."""
+    """Measure a calibrated model folder in `workers` processes; `assets` contains the tables. KeyError without calibration."""
     shares, wording = assets / ADHERENCE, assets / PHRASINGS
     check_target(shares)
     model, known = load_model(folder), adherence_of()
@@ -47,7 +47,7 @@ def measure_words(folder: Path, assets: Path, workers: int) -> None:
 
 
 def _write(path: Path, model: str, table: dict[str, Any]) -> None:
-    """Put a model's table into a file, keeping those of others."""
+    """Write a model's table into a file, keeping those of others."""
     tables = json.loads(path.read_text("utf-8")) if path.is_file() else {}
     tables[model] = table
     write_atomic(path, json.dumps(tables, indent=0, ensure_ascii=False, sort_keys=True) + "\n")
@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
     parser.add_argument(
-        "--assets", type=Path, default=Path("assets"), metavar="DIR", help="where the tables are"
+        "--assets", type=Path, default=Path("assets"), metavar="DIR", help="folder of the tables"
     )
     parser.add_argument("--workers", type=int, default=2, metavar="N")
     args = parser.parse_args(argv)

@@ -32,12 +32,12 @@ class Gaussian:
         return self.mean + torch.randn_like(self.mean) * (0.5 * self.log_variance).exp()
 
     def parameters_flat(self) -> Tensor:
-        """mu + Sigma of Eq. 2 as one vector per part `(B, 6, 128)`."""
+        """Return mu + Sigma of Eq. 2 as one vector per part `(B, 6, 128)`."""
         return torch.cat([self.mean, (0.5 * self.log_variance).exp()], dim=-1)
 
 
 class PartAttention(nn.Module):
-    """E_J: one attention layer in which each part's learnable token sees its own joints and the global motion."""
+    """E_J: one attention layer; the learnable token of each part attends to its own joints and the global motion."""
 
     blocked: Tensor
 
@@ -53,11 +53,11 @@ class PartAttention(nn.Module):
         blocked = torch.ones(PARTS, J + 1, dtype=torch.bool)
         for number, name in enumerate(PART_NAMES):
             blocked[number, list(PART_JOINTS[name])] = False
-        blocked[:, J] = False  # the global token: root displacement
+        blocked[:, J] = False  # every part sees the global token, root displacement
         self.register_buffer("blocked", blocked)
 
     def forward(self, joints: Tensor, root: Tensor) -> Tensor:
-        """Joints `(B, T, 31, 9)`, root velocity `(B, T, 3)` to Z^J `(B, T, 6, 64)`."""
+        """Map joints `(B, T, 31, 9)` and root velocity `(B, T, 3)` to Z^J `(B, T, 6, 64)`."""
         batch, length = joints.shape[:2]
         tokens = torch.cat([self.project(joints), self.project_global(root)[:, :, None]], dim=2)
         tokens = (tokens + self.joint_embedding).flatten(0, 1)
@@ -92,7 +92,7 @@ def _transformer(config: ModelConfig) -> nn.TransformerEncoder:
 
 
 class MotionSequenceEncoder(nn.Module):
-    """E_J then E_T: a sequence `(B, 40, 31, 9)` to six independent VAE tokens."""
+    """E_J, then E_T: encodes a sequence `(B, 40, 31, 9)` as six independent VAE tokens."""
 
     position: Tensor
 
@@ -104,7 +104,7 @@ class MotionSequenceEncoder(nn.Module):
         self.register_buffer("position", _position_table(SEQUENCE_LENGTH + 2, PART_SIZE))
 
     def forward(self, joints: Tensor, root: Tensor) -> Gaussian:
-        batch = joints.shape[0]  # len() would fix the exported batch
+        batch = joints.shape[0]  # len() would make the exported batch size constant
         sequence = self.joints(joints, root).transpose(1, 2)  # (B, 6, T, 64)
         tokens = self.tokens.expand(batch, -1, -1, -1)
         x = torch.cat([tokens, sequence], dim=2).flatten(0, 1) + self.position
@@ -113,11 +113,11 @@ class MotionSequenceEncoder(nn.Module):
 
 
 class PartTextEncoder(nn.Module):
-    """Body-part MLP: six sentences `(B, 6, D)`, embedded, to six VAE tokens; parts never mix.
+    """Body-part MLP: maps six sentence embeddings `(B, 6, D)` to six VAE tokens; parts never mix.
 
-    One-sided (`runtime.prompts.content`), the last number of a sentence is its side: left and right limbs have
-    the same tokens, and of torso and head the second half of the code changes its sign with the side. So the code of
-    mirrored words is the mirrored code: the limbs' exchanged, the second half of torso and head negative.
+    If one-sided (`runtime.prompts.content`), the last number of a sentence is its side: left and right limbs share
+    tokens, and the second half of the code of torso and head changes sign with the side. So mirrored words give the
+    mirrored code: limbs swapped, and the second half of torso and head negated.
     """
 
     token: Tensor
@@ -138,7 +138,7 @@ class PartTextEncoder(nn.Module):
 
     def forward(self, embeddings: Tensor) -> Gaussian:
         words = embeddings[..., :-1] if self.one_sided else embeddings
-        # unit sentence embeddings have components of about 0.05: brought to unit scale
+        # components of unit sentence embeddings are about 0.05: scale them to one
         hidden = nn.functional.gelu(self.first(words * self.scale) + self.part[self.token])
         hidden = nn.functional.gelu(self.second(hidden))
         mean = self.mean(hidden)
@@ -147,23 +147,23 @@ class PartTextEncoder(nn.Module):
         return Gaussian(mean, self.variance(hidden).clamp(-10.0, 4.0))
 
 
-# the part whose mirror image a part is, and the parts that are mirror images of themselves
+# left counterpart of each part, and the parts on the midline
 _LEFT = [PART_NAMES.index(name.replace("right_", "left_")) for name in PART_NAMES]
 _MIDLINE = [not name.startswith(("left_", "right_")) for name in PART_NAMES]
-# of a joint's features, in the mirror image: x of its position, and in the first two columns of its rotation what ties
-# x to another axis, change their sign
+# sign of a joint's features under mirroring: negative for x of its position, and for the entries of the first two
+# columns of its rotation that couple x with another axis
 _PARITY = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
 
 
 def odd_codes() -> Tensor:
-    """`(6, 64)`: 1 where a code changes its sign in the mirror image."""
+    """Return `(6, 64)`: 1 where a code changes sign under mirroring."""
     odd = torch.zeros(PARTS, PART_SIZE)
     odd[_MIDLINE, PART_SIZE // 2 :] = 1.0
     return odd
 
 
 class SequenceDecoder(nn.Module):
-    """D_s: six latent tokens `(B, 6, 64)` back to the sequence of joints `(B, 40, 31, 9)` and root `(B, 40, 3)`."""
+    """D_s: decodes six latent tokens `(B, 6, 64)` to the sequence of joints `(B, 40, 31, 9)` and root `(B, 40, 3)`."""
 
     position: Tensor
 
@@ -183,9 +183,9 @@ class SequenceDecoder(nn.Module):
 
 
 def pose_statistics(joints: Tensor) -> list[Tensor]:
-    """Mean and deviation over time of each part's joints: of `(B, T, 31, 9)` six tensors `(B, joints * 18)`.
+    """Return mean and deviation over time of each part's joints `(B, T, 31, 9)`: six tensors `(B, joints * 18)`.
 
-    What the words of a part tell, but for the time: where it is held, and how far it swings.
+    They cover the content of a part's words except timing: where it is held, and how far it swings.
     """
     mean, deviation = joints.mean(1), joints.std(1)
     both = torch.cat([mean, deviation], dim=-1)
@@ -193,12 +193,12 @@ def pose_statistics(joints: Tensor) -> list[Tensor]:
 
 
 class StatisticsReader(nn.Module):
-    """Pose statistics, standardised, read off the codes by one linear map a part.
+    """Predicts standardised pose statistics from the codes by one linear map per part.
 
-    A step swings a foot by a metre, a word turns it by some degrees: the reconstruction of Eq. 3 hardly sees the second,
-    and codes that only the contrast keeps apart lie in no order. Read linearly, what is wider or higher lies farther along
-    the same line, also beyond what training showed. One-sided, the right limbs are read by the map of the left ones, and
-    of torso and head what changes its sign in the mirror image only from codes that do.
+    A step moves a foot by a metre, a word turns it by some degrees: the latter hardly affects the reconstruction of
+    Eq. 3, and the contrastive loss alone separates codes without ordering them. A linear map orders them: wider or higher
+    lies farther along the same direction, also beyond the training data. If one-sided, right limbs use the map of the
+    left ones, and odd statistics of torso and head depend only on odd codes.
     """
 
     centre: Tensor
@@ -212,25 +212,25 @@ class StatisticsReader(nn.Module):
         self.parts = nn.ModuleList([nn.Linear(PART_SIZE, size) for size in sizes])
         self.register_buffer("centre", torch.zeros(sum(sizes)))
         self.register_buffer("deviation", torch.ones(sum(sizes)))
-        parity = torch.tensor([*_PARITY, *[1.0] * JOINT_FEATURES])  # deviations have no sign
+        parity = torch.tensor([*_PARITY, *[1.0] * JOINT_FEATURES])  # deviations are even
         for k, name in enumerate(PART_NAMES):
             self.register_buffer(f"parity_{name}", parity.repeat(sizes[k] // len(parity)), persistent=False)
         self.register_buffer("odd", odd_codes(), persistent=False)
 
     def measure(self, joints: Tensor) -> None:
-        """Take centre and deviation from windows `(B, T, 31, 9)`."""
+        """Set centre and deviation from windows `(B, T, 31, 9)`."""
         values = torch.cat(pose_statistics(joints), 1)
         self.centre.copy_(values.mean(0))
         self.deviation.copy_(values.std(0).clamp_min(0.02))
 
     def standardised(self, joints: Tensor) -> list[Tensor]:
-        """Standardised statistics of windows."""
+        """Return standardised statistics of windows."""
         values = pose_statistics(joints)
         whole = (torch.cat(values, 1) - self.centre) / self.deviation
         return list(whole.split([v.shape[1] for v in values], dim=1))
 
     def forward(self, z: Tensor) -> list[Tensor]:
-        """Of codes `(B, 6, 64)`."""
+        """Predict the statistics from codes `(B, 6, 64)`."""
         return [self._read(z[:, k], k, name) for k, name in enumerate(PART_NAMES)]
 
     def _read(self, z: Tensor, k: int, name: str) -> Tensor:
@@ -246,18 +246,18 @@ class StatisticsReader(nn.Module):
 
 
 class MeasuresReader(nn.Module):
-    """What a part does in a walk, standardised (`training.text.clip_measures`), read off its code along one direction each.
+    """Predicts a part's standardised measures (`training.text.clip_measures`), each along one direction of its code.
 
-    Means and deviations of joints hardly tell hips that swing from hips that are still, and codes that lie as near as
-    their sentences cannot be distinguished by what follows. Directions have unit length, so that a deviation of a measure
-    takes `1 / GAIN` of the code: no weight can enlarge what the code hardly says.
+    Means and deviations of joints hardly distinguish swinging from still hips, and later networks cannot separate codes
+    that are as close as their sentences. Directions have unit length, so one standard deviation of a measure spans
+    `1 / GAIN` of the code: a small difference in the code cannot be amplified by weights.
     """
 
     odd: Tensor
     GAIN = 0.5
 
     def __init__(self, signs: Sequence[Sequence[float]], one_sided: bool = False) -> None:
-        """`signs[k]` of part k: -1 where a measure changes its sign in the mirror image, else 1."""
+        """`signs[k]` belongs to part k: -1 where a measure changes sign under mirroring, else 1."""
         super().__init__()
         self.one_sided = one_sided
         self.parts = nn.ModuleList([nn.Linear(PART_SIZE, len(own)) for own in signs])
@@ -266,7 +266,7 @@ class MeasuresReader(nn.Module):
         self.register_buffer("odd", odd_codes(), persistent=False)
 
     def forward(self, z: Tensor) -> list[Tensor]:
-        """Six tensors `(B, n)` of codes `(B, 6, 64)`."""
+        """Return six tensors `(B, n)` from codes `(B, 6, 64)`."""
         return [self._read(z[:, k], k) for k in range(PARTS)]
 
     def _read(self, z: Tensor, k: int) -> Tensor:

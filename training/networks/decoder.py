@@ -13,14 +13,14 @@ from training.presets import ModelConfig
 
 
 class MixtureDecoder(nn.Module):
-    """E_d: E `(B, n)` to the codes c_k `(B, K, output)`; y = Σ_k alpha_k c_k."""
+    """E_d: maps E `(B, n)` to the codes c_k `(B, K, output)`; y = Σ_k alpha_k c_k."""
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.layer = ExpertLinear(config.experts, config.embedding, config.output_size)
 
     def codes(self, e: Tensor) -> Tensor:
-        """Z^c, the target of stage 3 (Eq. 14)."""
+        """Return Z^c, the target of stage 3 (Eq. 14)."""
         return self.layer.shared(e)
 
     def forward(self, e: Tensor, alpha: Tensor) -> Tensor:
@@ -29,19 +29,19 @@ class MixtureDecoder(nn.Module):
 
 
 def blend_codes(codes: Tensor, alpha: Tensor) -> Tensor:
-    """y = Σ_k alpha_k c_k of codes `(B, K, output)`, alpha `(B, K)`."""
+    """Return y = Σ_k alpha_k c_k from codes `(B, K, output)` and alpha `(B, K)`."""
     return torch.einsum("bk,bko->bo", alpha, codes)
 
 
 def step_embedding(step: Tensor) -> Tensor:
-    """Sinusoidal embedding `(B, 64)` of the diffusion step index `(B,)`."""
+    """Return the sinusoidal embedding `(B, 64)` of the diffusion step index `(B,)`."""
     frequency = torch.exp(-math.log(10000.0) * torch.arange(32, device=step.device) / 32)
     angle = step.float()[:, None] * frequency
     return torch.cat([angle.sin(), angle.cos()], dim=-1)
 
 
 class TokenConvolution(nn.Module):
-    """Conv1d of kernel 3 over the expert tokens `(B, K, n)`, written as one wide product."""
+    """Conv1d of kernel 3 over the expert tokens `(B, K, n)`, written as one wide matrix product."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -72,7 +72,7 @@ class ResidualBlock(nn.Module):
 class Denoiser(nn.Module):
     """mu_hat(Z^c_tau, tau, E) of Eq. 5 and 6, predicted directly.
 
-    Noisy codes `(B, K, output)` to the clean codes `(B, K, output)`, all standardised.
+    Maps noisy codes `(B, K, output)` to clean codes of the same shape, all standardised.
     """
 
     def __init__(self, config: ModelConfig) -> None:
@@ -81,22 +81,22 @@ class Denoiser(nn.Module):
         self.project_code = nn.Linear(config.output_size, half)
         self.project_embedding = nn.Linear(config.embedding, half)
         self.project_step = nn.Linear(64, width)
-        # tells the tokens which expert they are: at high noise the codes themselves do not
+        # identifies the expert of each token, which very noisy codes do not
         self.expert_token = nn.Parameter(0.02 * torch.randn(config.experts, width))
         self.blocks = nn.ModuleList([ResidualBlock(width, 0.0) for _ in range(config.denoiser_blocks)])
         self.norm = nn.LayerNorm(width)
         self.head = nn.Linear(width, config.output_size)
 
     def condition(self, e: Tensor) -> Tensor:
-        """E's projection `(B, width / 2)`: the same in all denoising steps, computed once."""
+        """Project E to `(B, width / 2)`: constant over the denoising steps, so computed once."""
         return self.project_embedding(e)
 
     def embed_step(self, step: Tensor) -> Tensor:
-        """Step embedding `(B, width)`: a constant at run time."""
+        """Return the step embedding `(B, width)`, a constant at run time."""
         return self.project_step(step_embedding(step))
 
     def denoise(self, noisy: Tensor, condition: Tensor, step: Tensor) -> Tensor:
-        """Clean codes from noisy codes, `condition(e)` and `embed_step(step)`."""
+        """Predict clean codes from noisy codes, `condition(e)` and `embed_step(step)`."""
         tokens = condition[:, None, :].expand(-1, noisy.shape[1], -1)
         x = torch.cat([self.project_code(noisy), tokens], dim=-1)
         x = x + step[:, None, :] + self.expert_token

@@ -24,23 +24,23 @@ class Schedule:
         return Schedule(np.concatenate([[1.0], np.cumprod(1.0 - beta)]))
 
     def alpha_bars(self, like: Tensor) -> Tensor:
-        """`alpha_bar` `(N + 1,)` on the device and in the precision of `like`."""
+        """Return `alpha_bar` `(N + 1,)` with the device and dtype of `like`."""
         return constant(self.alpha_bar.tolist(), like.device, like.dtype)
 
     def subsequence(self, count: int) -> NDArray[np.int64]:
-        """tau: `count` evenly spaced steps that end at N."""
+        """Return tau, `count` evenly spaced steps that end at N."""
         n = len(self.alpha_bar) - 1
         return np.round(np.arange(1, count + 1) * n / count).astype(np.int64)
 
 
 def add_noise(schedule: Schedule, clean: Tensor, step: Tensor, noise: Tensor) -> Tensor:
-    """q(Z_n | Z_0): codes `(B, K, n)` at step `(B,)`."""
+    """Sample q(Z_n | Z_0): codes `(B, K, n)` at step `(B,)`."""
     alpha_bar = schedule.alpha_bars(clean)[step][:, None, None]
     return alpha_bar.sqrt() * clean + (1.0 - alpha_bar).sqrt() * noise
 
 
 def noise_estimate(schedule: Schedule, noisy: Tensor, clean: Tensor, step: Tensor) -> Tensor:
-    """epsilon_theta from the predicted Z_0, Eq. 6 solved for the noise."""
+    """Return epsilon_theta from the predicted Z_0: Eq. 6 solved for the noise."""
     alpha_bar = schedule.alpha_bars(noisy)[step][:, None, None]
     return (noisy - alpha_bar.sqrt() * clean) / (1.0 - alpha_bar).sqrt()
 
@@ -58,10 +58,10 @@ class ReverseStep:
 def reverse_steps(
     schedule: Schedule, tau: NDArray[np.int64], sigma_bar_squared: NDArray[np.float64] | None
 ) -> list[ReverseStep]:
-    """Coefficients of Eq. 5 for tau_dim ... tau_1, with lambda as in Sec. III-G along the subsequence.
+    """Return the coefficients of Eq. 5 for tau_dim ... tau_1, with lambda of Sec. III-G for the subsequence.
 
-    `sigma_bar_squared` `(len(tau),)` is the Monte Carlo estimate of Analytic-DPM per step of tau; None leaves
-    the plain lambda^2. The last step goes to n = 0, where the prediction itself is the sample.
+    `sigma_bar_squared` `(len(tau),)` is the Monte Carlo estimate of Analytic-DPM per step of tau; None uses plain
+    lambda^2. The last step leads to n = 0, where the prediction itself is the sample.
     """
     result = []
     for n in range(len(tau) - 1, -1, -1):
@@ -81,6 +81,6 @@ def reverse_steps(
 
 
 def analytic_variance(schedule: Schedule, step: int, noise_norms: Tensor) -> float:
-    """sigma_bar_n^2 = beta_bar/alpha_bar (1 - E||epsilon||^2 / d), clipped at 0; `noise_norms` are ||epsilon||^2 / d."""
+    """Return sigma_bar_n^2 = beta_bar/alpha_bar (1 - E||epsilon||^2 / d), clipped at 0; `noise_norms` are ||epsilon||^2 / d."""
     alpha_bar = schedule.alpha_bar[step]
     return float((1.0 - alpha_bar) / alpha_bar * max(0.0, 1.0 - noise_norms.double().mean().item()))

@@ -1,4 +1,4 @@
-"""The whole chain of Fig. 2: motion encoder, content modulator and one of the two decoders."""
+"""Motion generator of Fig. 2: motion encoder, content modulator and one of the two decoders."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from training.presets import ModelConfig
 
 
 class MotionEncoder(nn.Module):
-    """A two-layer mixture of experts E_m and its phase gating E_g^p (Sec. III-B).
+    """Two-layer mixture of experts E_m and its phase gating E_g^p (Sec. III-B).
 
-    x `(B, 472)` to W `(B, embedding)` and alpha `(B, experts)`; W = Σ_k alpha_k W_k.
+    Maps x `(B, 472)` to W `(B, embedding)` and alpha `(B, experts)`; W = Σ_k alpha_k W_k.
     """
 
     def __init__(self, config: ModelConfig) -> None:
@@ -34,10 +34,10 @@ class MotionEncoder(nn.Module):
 
 
 class Generator(nn.Module):
-    """Normalised x `(B, 472)` and Z^t `(B, 384)` to normalised y `(B, output)`.
+    """Maps normalised x `(B, 472)` and Z^t `(B, 384)` to normalised y `(B, output)`.
 
-    `code_mean`, `code_deviation` `(K, output)` standardise what is diffused, measured before stage 3: Z^c, or with
-    `residual_diffusion` what Z^c has over the codes of E_d.
+    `code_mean` and `code_deviation` `(K, output)`, measured before stage 3, standardise the diffused variable: Z^c, or
+    with `residual_diffusion` its difference from the codes of E_d.
     """
 
     code_mean: Tensor
@@ -55,21 +55,21 @@ class Generator(nn.Module):
         self.register_buffer("code_deviation", torch.ones(size))
 
     def embed(self, x: Tensor, z: Tensor) -> tuple[Tensor, Tensor]:
-        """E `(B, n)` and alpha `(B, K)`."""
+        """Return E `(B, n)` and alpha `(B, K)`."""
         w, alpha = self.encoder(x)
         return self.modulator(w, z, alpha), alpha
 
     def decode_mixture(self, x: Tensor, z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """y by E_d, with E and alpha: stage 2, and the `w/o-Diffusion` variant."""
+        """Return y by E_d, E and alpha: stage 2 and the `w/o-Diffusion` variant."""
         e, alpha = self.embed(x, z)
         return self.mixture_decoder(e, alpha), e, alpha
 
     def target_codes(self, e: Tensor, alpha: Tensor, target: Tensor) -> Tensor:
-        """What the diffusion learns, standardised `(B, K, output)`: E_d's codes (Eq. 14), or what they lack.
+        """Return the standardised target `(B, K, output)` of the diffusion: E_d's codes (Eq. 14), or their residual r.
 
-        The latter, r, is the same for every expert: the weights alpha sum to one, so that E_d's codes and it blend to `target`,
-        the captured y. So the diffusion learns how the capture spreads around E_d's mean. With `residual_shares` expert k
-        has r alpha_k / Σ alpha^2, which blends to the same.
+        r is the captured y (`target`) minus E_d's blended y, the same for every expert: alpha sums to one, so codes plus r
+        blend to `target`. The diffusion thus learns the distribution of the capture around E_d's mean. With
+        `residual_shares` expert k gets r alpha_k / Σ alpha^2, which blends to the same.
         """
         codes = self.mixture_decoder.codes(e)
         if self.config.residual_diffusion:
@@ -80,12 +80,12 @@ class Generator(nn.Module):
         return (codes - self.code_mean) / self.code_deviation
 
     def clean_codes(self, predicted: Tensor, e: Tensor) -> Tensor:
-        """Z^c on the scale of y from what the denoiser predicted."""
+        """Return Z^c in the units of y from the denoiser's prediction."""
         codes = predicted * self.code_deviation + self.code_mean
         return codes + self.mixture_decoder.codes(e) if self.config.residual_diffusion else codes
 
     def sample_codes(self, e: Tensor, noise: Tensor, steps: list[ReverseStep]) -> Tensor:
-        """Eq. 4: Z^c_0 `(B, K, output)` from `noise` `(B, len(steps), K, output)` by the reverse steps (Eq. 5)."""
+        """Sample Z^c_0 `(B, K, output)` (Eq. 4) from `noise` `(B, len(steps), K, output)` by the reverse steps (Eq. 5)."""
         condition = self.denoiser.condition(e)
         codes = noise[:, 0]
         for n, step in enumerate(steps):
@@ -97,6 +97,6 @@ class Generator(nn.Module):
         return self.clean_codes(codes, e)
 
     def sample(self, x: Tensor, z: Tensor, noise: Tensor, steps: list[ReverseStep]) -> Tensor:
-        """y by the diffusion decoder."""
+        """Return y by the diffusion decoder."""
         e, alpha = self.embed(x, z)
         return blend_codes(self.sample_codes(e, noise, steps), alpha)

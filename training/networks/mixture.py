@@ -35,17 +35,17 @@ class ExpertLinear(nn.Module):
         self.bias = nn.Parameter(torch.empty(experts, outputs).uniform_(-bound, bound))
 
     def shared(self, x: Tensor) -> Tensor:
-        """Every expert on the same input: `(B, inputs)` to `(B, experts, outputs)` by one product."""
+        """Apply every expert to the same input: `(B, inputs)` to `(B, experts, outputs)` by one product."""
         experts, inputs, outputs = self.weight.shape
         wide = self.weight.permute(1, 0, 2).reshape(inputs, experts * outputs)
         return (x @ wide).view(-1, experts, outputs) + self.bias
 
     def separate(self, x: Tensor) -> Tensor:
-        """Each expert on its own input: `(B, experts, inputs)` to `(B, experts, outputs)`."""
+        """Apply each expert to its own input: `(B, experts, inputs)` to `(B, experts, outputs)`."""
         return torch.einsum("bki,kio->bko", x, self.weight) + self.bias
 
     def blended(self, x: Tensor, blend: Tensor) -> Tensor:
-        """Σ_k blend_k (x_k A_k + b_k): `(B, experts, inputs)`, `(B, experts)` to `(B, outputs)` by one product."""
+        """Return Σ_k blend_k (x_k A_k + b_k): `(B, experts, inputs)`, `(B, experts)` to `(B, outputs)` by one product."""
         experts, inputs, outputs = self.weight.shape
         scaled = (x * blend[..., None]).reshape(-1, experts * inputs)
         return scaled @ self.weight.view(experts * inputs, outputs) + blend @ self.bias

@@ -11,16 +11,16 @@ from training.presets import ModelConfig
 
 
 def instance_norm(w: Tensor) -> Tensor:
-    """W `(B, n)` with its own mean and deviation removed: the normalisation inside AdaIN."""
+    """Return W `(B, n)` normalised by its own mean and deviation, as in AdaIN."""
     centred = w - w.mean(-1, keepdim=True)
     return centred * torch.rsqrt(centred.square().mean(-1, keepdim=True) + 1e-5)
 
 
 class ContentModulator(nn.Module):
-    """W `(B, n)`, Z^t `(B, 384)`, alpha `(B, K)` to E `(B, n)`.
+    """Maps W `(B, n)`, Z^t `(B, 384)` and alpha `(B, K)` to E `(B, n)`.
 
     Inner step: s^k = Σ_j beta_j s_j^k, with beta = E_g^s(Z^t). Outer step: E_k = AdaIN(W; s^k), E = Σ_k alpha_k E_k.
-    s^k holds the new deviation (as an offset from one) and the new mean.
+    s^k contains the new deviation (as an offset from one) and the new mean.
     """
 
     def __init__(self, config: ModelConfig) -> None:
@@ -37,7 +37,7 @@ class ContentModulator(nn.Module):
         self.content_bias = nn.Parameter(torch.zeros(experts, inner, 2 * config.embedding))
 
     def features(self, w: Tensor, z: Tensor) -> Tensor:
-        """Fused motion and content `(B, K, narrow)` that the content experts see."""
+        """Return fused motion and content features `(B, K, narrow)`, the input of the content experts."""
         front = self.front_motion.shared(w)
         front = elu(front + self.front_style(z).view(front.shape))
         return elu(self.front_narrow.separate(front))
@@ -55,9 +55,9 @@ class ContentModulator(nn.Module):
         return (1.0 + deviation) * instance_norm(w) + mean
 
     def fold(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Compute what depends on the prompt alone, once per prompt change (exact).
+        """Precompute everything that depends only on the prompt, once per prompt change (exact).
 
-        Z^t `(1, 384)` to front bias `(K, wide)`, folded content weight `(K * narrow, 2 n)` and bias `(K, 2 n)`.
+        Maps Z^t `(1, 384)` to front bias `(K, wide)`, folded content weight `(K * narrow, 2 n)` and bias `(K, 2 n)`.
         """
         beta = self.gating(z)[0]
         experts = self.content_weight.shape[0]

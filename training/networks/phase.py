@@ -16,9 +16,9 @@ SPINE_JOINTS = ("Hips", "LowerBack", "Spine", "Spine1")
 
 
 def two_hop_neighbours(joined_hips: bool = False) -> Tensor:
-    """`(31, 31)` mask: joints within two hops that lie in the same body part or on the spine (global motion).
+    """Return the mask `(31, 31)` of joints within two hops, in the same body part or on the spine (global motion).
 
-    With `joined_hips` the thighs see each other too.
+    With `joined_hips` the thighs are neighbours too.
     """
     adjacency = torch.eye(J)
     for child, parent in enumerate(SPORT_SKELETON.parents):
@@ -37,7 +37,7 @@ def two_hop_neighbours(joined_hips: bool = False) -> Tensor:
 
 
 class TwoHopGraphConvolution(nn.Module):
-    """Each joint's token from the velocities of its two-hop neighbourhood: `(B, T, 31, 3)` to the same shape."""
+    """Graph convolution of joint velocities `(B, T, 31, 3)` over two-hop neighbourhoods, to the same shape."""
 
     mask: Tensor
 
@@ -56,7 +56,7 @@ class TwoHopGraphConvolution(nn.Module):
 
 
 class PeriodicAutoencoder(nn.Module):
-    """Velocities `(B, 121, 31, 3)` (normalised) to C sinusoids and back.
+    """Autoencodes normalised velocities `(B, 121, 31, 3)` as C sinusoids.
 
     `encode` gives amplitude a, frequency f, offset b `(B, C)` and phase shift s `(B, C)` in turns;
     `phase_vectors` gives Eq. 1: (a sin 2 pi s, a cos 2 pi s) `(B, C, 2)` at the centres of windows of one sequence.
@@ -82,14 +82,14 @@ class PeriodicAutoencoder(nn.Module):
         self.register_buffer("frequencies", torch.fft.rfftfreq(WINDOW, 1.0 / FPS)[1:])
 
     def latent(self, velocities: Tensor) -> Tensor:
-        """L_i `(B, C, 121)`."""
+        """Return the latent curves L_i `(B, C, 121)`."""
         tokens = self.graph(velocities).flatten(-2).transpose(1, 2)
         return self.encode_narrow(torch.tanh(self.encode_norm(self.encode_wide(tokens))))
 
     def latent_along(self, sequence: Tensor, rows: Tensor) -> Tensor:
-        """L_i of windows that begin at `rows` `(B,)` of one sequence `(T, 31, 3)`, at a quarter of the cost.
+        """Return L_i of windows that begin at `rows` `(B,)` of one sequence `(T, 31, 3)`, at a quarter of the cost.
 
-        What windows share is computed once. A window knows nothing beyond its ends: what the frames there bring is taken off.
+        Overlaps of windows are computed once. A window is zero-padded, so contributions from beyond its ends are subtracted.
         """
         weight, edge = self.encode_wide.weight, self.encode_wide.kernel_size[0] // 2
         tokens = self.graph(sequence).flatten(-2).T
@@ -120,7 +120,7 @@ class PeriodicAutoencoder(nn.Module):
         return amplitude, frequency, offset, torch.stack(shift, dim=1)
 
     def decode(self, amplitude: Tensor, frequency: Tensor, offset: Tensor, shift: Tensor) -> Tensor:
-        """Velocities `(B, 121, 31, 3)` from the sinusoids a sin(2 pi (f t + s)) + b."""
+        """Return velocities `(B, 121, 31, 3)` from the sinusoids a sin(2 pi (f t + s)) + b."""
         angle = 2.0 * math.pi * (frequency[..., None] * self.seconds + shift[..., None])
         signal = amplitude[..., None] * torch.sin(angle) + offset[..., None]
         hidden = torch.tanh(self.decode_norm(self.decode_wide(signal)))
@@ -130,7 +130,7 @@ class PeriodicAutoencoder(nn.Module):
         return self.decode(*self.encode(velocities))
 
     def phase_vectors(self, sequence: Tensor, rows: Tensor) -> Tensor:
-        """Eq. 1: P^{2j-1} = a^j sin(2 pi s^j), P^{2j} = a^j cos(2 pi s^j); `(B, C, 2)` of windows that begin at `rows` `(B,)`."""
+        """Return Eq. 1: P^{2j-1} = a^j sin(2 pi s^j), P^{2j} = a^j cos(2 pi s^j); `(B, C, 2)` of windows that begin at `rows` `(B,)`."""
         amplitude, _, _, shift = self._sinusoids(self.latent_along(sequence, rows))
         angle = 2.0 * math.pi * shift
         return torch.stack([amplitude * angle.sin(), amplitude * angle.cos()], dim=-1)

@@ -1,4 +1,4 @@
-"""Stage 1: train the content encoder by body-part contrast (Sec. III-C, Eq. 2, 3, 7 to 9)."""
+"""Stage 1: train the content encoder with body-part contrastive learning (Sec. III-C, Eq. 2, 3, 7 to 9)."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from training.session import MovingAverage, Session, StageLength, TrainingState,
 from training.styles import StyleTable, StyleTexts, pick_paraphrases
 from training.text.clip_measures import clip_values
 
-STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
-# Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
+STRIDE = 2  # frames between samples: 40 samples span 1.3 s, more than one step
+# Eq. 7. The paper's lambda_con is 1e-2, for 100 styles and a long training; this shorter training needs more.
 CONTRAST_WEIGHT, KL_WEIGHT, EMBEDDING_WEIGHT = 0.1, 1e-5, 1e-5
-# Weight of the pose statistics, which the paper has not (training.networks.content.StatisticsReader).
+# Of the pose statistics, not in the paper (training.networks.content.StatisticsReader).
 STATISTICS_WEIGHT = 0.5
-# Of what clips do, which the paper has not either (training.networks.content.MeasuresReader).
+# Of the measures of clips, not in the paper either (training.networks.content.MeasuresReader).
 MEASURES_WEIGHT = 2.0
-MEASURED_CLIPS = 2048  # whose words are held to it in every step
-STATISTICS_WINDOWS = 4096  # that centre and spread of the pose statistics are measured on
-TEXT_BATCHES = 4  # of windows that words alone are to give the statistics of, in every step
-# On the components (about 0.05) of sentence embeddings, of a random strength for each: near words give near content, and
-# what the direction words say is not learned by heart from the embeddings instead.
+MEASURED_CLIPS = 2048  # per step, whose words must predict their measures
+STATISTICS_WINDOWS = 4096  # from which centre and deviation of the pose statistics are measured
+TEXT_BATCHES = 4  # batches of windows per step whose statistics are predicted from words
+# Standard deviation of the noise on embedding components (about 0.05), random per sentence: similar words give similar
+# content, and the meaning of direction words is not memorised from the embeddings.
 WORD_NOISE = (0.01, 0.03)
-MEASURED_NOISE = (0.0, 0.012)  # of words held to measures: sentences of opposite edits are 0.3 apart
+MEASURED_NOISE = (0.0, 0.012)  # for the measures: sentences of opposite edits are 0.3 apart
 
 
 class Sequences:
@@ -57,7 +57,7 @@ class Sequences:
 
     @property
     def scales(self) -> dict[str, Tensor]:
-        """The scales that normalise joints `(31, 9)` and root `(3,)`."""
+        """Return the scales that normalise joints `(31, 9)` and root `(3,)`."""
         names = ("joint_mean", "joint_deviation", "root_deviation")
         return {name: getattr(self, name).cpu() for name in names}
 
@@ -69,7 +69,7 @@ class Sequences:
         return torch.cat([positions, rotations], -1), y[..., OUTPUT["root"]]
 
     def __call__(self, start: Tensor, plan: CompositionPlan | None = None) -> tuple[Tensor, Tensor]:
-        """Windows that begin at frames `start` `(B,)`, with parts of other clips where `plan` has them."""
+        """Return windows that begin at frames `start` `(B,)`, with parts of other clips according to `plan`."""
         index = start[:, None] + STRIDE * torch.arange(SEQUENCE_LENGTH, device=start.device)
         joints, root = self._split(self.y[index].float(), self.ground[index])
         if plan is not None and self.composer is not None:
@@ -89,7 +89,7 @@ SPAN = STRIDE * (SEQUENCE_LENGTH - 1)  # frames from a window's first to its las
 
 @dataclass
 class ContentWindows:
-    """First frames of windows `(B,)`, what is put on them, and whose words every part has, clips `(B, 6)`."""
+    """First frames of windows `(B,)`, their composition plan, and the clips `(B, 6)` that describe each part."""
 
     start: Tensor
     plan: CompositionPlan
@@ -97,7 +97,7 @@ class ContentWindows:
 
     @staticmethod
     def around(frames: FrameTensors, rows: Tensor) -> ContentWindows:
-        """Windows inside the clips of frames `rows` `(B,)`, composed at random."""
+        """Choose windows around frames `rows` `(B,)`, within their clips, and compose them at random."""
         start = torch.maximum(torch.minimum(rows, frames.last[rows] - SPAN), frames.first[rows])
         plan = frames.plan(start, SPAN)
         return ContentWindows(start, plan, plan.words(frames.clip[start]))
@@ -105,20 +105,20 @@ class ContentWindows:
 
 @dataclass
 class Measured:
-    """What every clip does, six tensors `(clips, n)`, and cumulative weights `(clips,)` by which they are drawn."""
+    """Measures of all clips, six tensors `(clips, n)`, and cumulative sampling weights `(clips,)`."""
 
     values: list[Tensor]
     cumulative: Tensor
 
     @staticmethod
     def read(folder: Path, table: FrameTable, weights: np.ndarray, device: torch.device) -> Measured:
-        """Measure the clips of `table` in `folder`; those that hold many of the frames drawn count most."""
+        """Measure the clips of `table` in `folder`; a clip's weight is the sum of its frames'."""
         values = [torch.as_tensor(v).to(device) for v in clip_values(folder, table.names)]
         of_clips = np.bincount(table.clip, weights, len(table.names))
         return Measured(values, torch.as_tensor(np.cumsum(of_clips), dtype=torch.float64, device=device))
 
     def of(self, clips: Tensor) -> list[Tensor]:
-        """The values of clips `(B,)`, or `(B, 6)` of every part's own."""
+        """Return the values of clips `(B,)`, or of one clip per part `(B, 6)`."""
         return [v[clips if clips.ndim == 1 else clips[:, k]] for k, v in enumerate(self.values)]
 
 
@@ -141,7 +141,7 @@ class ContentLosses:
         self.keys = torch.as_tensor(data.texts.keys).to(device)
 
     def __call__(self, rows: Tensor) -> Losses:
-        """Of windows around the first `batch` frames; words are also read for those around the others."""
+        """Compute losses of windows around the first `batch` frames; for the other frames only those of words."""
         item = ContentWindows.around(self.frames, rows[: self.batch])
         clips = item.clips
         joints, root = self.sequences(item.start, item.plan)
@@ -170,13 +170,13 @@ class ContentLosses:
         return result
 
     def text(self, clips: Tensor, noise: tuple[float, float] = WORD_NOISE) -> Gaussian:
-        """Codes of random paraphrases of clips."""
+        """Return codes of random paraphrases of clips."""
         sentence = pick_paraphrases(self.index, clips)
         words = torch.stack([e[sentence[:, k]] for k, e in enumerate(self.embeddings)], 1)
         return self.module.text(words + _word_noise(words, self.config.text_size, noise))
 
     def _contrasts(self, motion: Gaussian, text: Gaussian, clips: Tensor) -> tuple[Tensor, Tensor]:
-        """Eq. 2 of whole bodies, and the mean of the parts'."""
+        """Return Eq. 2 for whole bodies, and its mean over the parts."""
         keys = self.keys[clips, torch.arange(clips.shape[1], device=clips.device)]
         same = keys[:, None] == keys[None, :]  # (B, B, 6)
         m, t = motion.parameters_flat().float(), text.parameters_flat().float()
@@ -189,7 +189,7 @@ class ContentLosses:
     def _measures(
         self, reader: MeasuresReader, measured: Measured, motion: Gaussian, clips: Tensor
     ) -> Tensor:
-        """Of the windows' codes, and of the words of many clips."""
+        """Return the loss of measures predicted from the windows' codes, and from the words of many clips."""
         own = terms.statistics(measured.of(clips), reader(motion.mean))
         drawn = weighted(measured.cumulative, (MEASURED_CLIPS,))
         return own + terms.statistics(measured.of(drawn), reader(self.text(drawn, MEASURED_NOISE).mean))
@@ -197,7 +197,7 @@ class ContentLosses:
     def _statistics(
         self, reader: StatisticsReader, motion: Gaussian, joints: Tensor, others: ContentWindows
     ) -> Losses:
-        """Of motion, and of words on windows of their own: many, for nothing has to be encoded or decoded."""
+        """Return losses of pose statistics from motion, and from words on many extra windows, which need no encoding."""
         own = terms.statistics(reader.standardised(joints), reader(motion.mean))
         targets = reader.standardised(self.sequences(others.start, others.plan)[0])
         read = reader(self.text(others.clips).mean)
@@ -206,17 +206,17 @@ class ContentLosses:
 
 @dataclass(frozen=True)
 class ContentData:
-    """What stage 1 trains on: frames, how often each is drawn, the clips' descriptions, and what the clips do."""
+    """Training data of stage 1: frames and their sampling weights, descriptions and measures of the clips."""
 
     table: FrameTable
     frames: FrameTensors
     weights: np.ndarray
     texts: StyleTexts
-    measured: Measured | None = None  # None: of a model that does not read it
+    measured: Measured | None = None  # None if the model does not predict them
 
 
 def run(session: Session, config: ModelConfig, data: ContentData, length: StageLength) -> ContentEncoder:
-    """Train the content encoder; its moving average is returned and written to `content_final.pt`."""
+    """Train the content encoder; returns its moving average and writes it to `content_final.pt`."""
     device, steps, batch = session.device, length.steps, length.batch
     torch.manual_seed(session.seed + 1)
     sequences = Sequences(data.table, device, data.frames.composer)
@@ -246,7 +246,7 @@ def run(session: Session, config: ModelConfig, data: ContentData, length: StageL
 
 
 def _word_noise(words: Tensor, size: int, strengths: tuple[float, float]) -> Tensor:
-    """Noise for the embeddings in `words` `(B, 6, D)`, their first `size` numbers; the direction words get none."""
+    """Draw noise for the first `size` components of `words` `(B, 6, D)`, the embeddings, not for direction words."""
     least, most = strengths
     strength = least + (most - least) * torch.rand_like(words[..., :1])
     noise = strength * torch.randn_like(words)
@@ -256,7 +256,7 @@ def _word_noise(words: Tensor, size: int, strengths: tuple[float, float]) -> Ten
 
 @torch.no_grad()
 def _text_means(module: ContentEncoder | None, texts: StyleTexts) -> list[Tensor]:
-    """Mean of Z^t for every sentence of each part, `(U_k, 64)`; without a content encoder the embedding itself."""
+    """Return the mean Z^t of every sentence of each part, `(U_k, 64)`; without a content encoder the embedding."""
     if module is None:
         return [torch.as_tensor(e) for e in texts.embeddings]
     device = next(module.parameters()).device
@@ -268,7 +268,7 @@ def _text_means(module: ContentEncoder | None, texts: StyleTexts) -> list[Tensor
 
 
 def style_scale(module: ContentEncoder | None, texts: StyleTexts) -> tuple[Tensor, Tensor]:
-    """Mean and deviation `(384,)` (six parts of 64) of Z^t over the sentences of all clips."""
+    """Return mean and deviation `(384,)` (six parts of 64) of Z^t over the sentences of all clips."""
     means, centre, deviation = _text_means(module, texts), [], []
     for k, z in enumerate(means):
         used = z[torch.as_tensor(texts.index[:, :, k]).to(z.device).flatten()]
@@ -281,7 +281,7 @@ def style_scale(module: ContentEncoder | None, texts: StyleTexts) -> tuple[Tenso
 def style_table(
     module: ContentEncoder | None, texts: StyleTexts, centre: Tensor, deviation: Tensor
 ) -> StyleTable:
-    """Standardised Z^t of every sentence."""
+    """Return standardised Z^t of every sentence."""
     means = _text_means(module, texts)
     size = means[0].shape[1]
     parts = [

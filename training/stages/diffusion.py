@@ -1,4 +1,4 @@
-"""Stage 3: the diffusion decoder of the motion generator (Sec. III-F), and the variance of its steps."""
+"""Stage 3: the diffusion decoder of the motion generator (Sec. III-F), and the variances of its steps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from training.stages.motion import MotionData
 
 @torch.no_grad()
 def measure_codes(module: Generator, data: MotionData, session: Session, batches: int = 8) -> None:
-    """Standardisation of what is diffused; fills the module's buffers."""
+    """Measure mean and deviation of the diffused variable into the module's buffers."""
     module.eval()
     module.code_mean.zero_()
     module.code_deviation.fill_(1.0)
@@ -37,14 +37,14 @@ def measure_codes(module: Generator, data: MotionData, session: Session, batches
 
 
 def _captured_codes(module: Generator, data: MotionData, rows: Tensor) -> tuple[Tensor, Tensor]:
-    """E `(B, n)` and what is diffused of captured frames."""
+    """Return E `(B, n)` and the diffused variable of captured frames."""
     patch = data.patch(rows)
     e, alpha = module.embed(data.input(rows, patch), data.styles(data.frames.clip[rows]))
     return e, module.target_codes(e, alpha, data.output(rows, patch))
 
 
 def _noised(schedule: Schedule, tau: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
-    """Noise levels `(B,)`, those of inference and now and then any other, and codes `(B, K, output)` with that noise."""
+    """Draw noise levels `(B,)`, mostly those of inference, and add that noise to codes `(B, K, output)`."""
     size, last = (len(codes),), len(schedule.alpha_bar) - 1
     n = tau[torch.randint(len(tau), size, device=codes.device)]
     anywhere = torch.randint(1, last + 1, size, device=codes.device)
@@ -53,7 +53,7 @@ def _noised(schedule: Schedule, tau: Tensor, codes: Tensor) -> tuple[Tensor, Ten
 
 
 def _cosine(steps: int, peak: float) -> Callable[[float], float]:
-    """Learning rate from `peak` down to a hundredth along a cosine; Sec. III-G begins at 4e-4."""
+    """Return a cosine learning rate from `peak` to a hundredth of it; Sec. III-G starts at 4e-4."""
 
     def rate(step: float) -> float:
         return (
@@ -64,7 +64,7 @@ def _cosine(steps: int, peak: float) -> Callable[[float], float]:
 
 
 def _denoiser_parameters(session: Session, module: Generator) -> Iterable[nn.Parameter]:
-    """The denoiser alone is trained; at first it adds nothing to the codes of E_d."""
+    """Freeze all but the denoiser and return its parameters; as a new residual decoder it starts with output zero."""
     if module.config.residual_diffusion and not (session.out / START).exists():
         torch.nn.init.zeros_(module.denoiser.head.weight)
         torch.nn.init.zeros_(module.denoiser.head.bias)
@@ -89,7 +89,7 @@ def run_stage3(session: Session, data: MotionData, module: Generator, length: St
     def prepare(at: float) -> tuple:
         nonlocal supervised
         supervised = at > 0.25 * steps
-        module.eval()  # dropout stays off in the frozen part; the denoiser has none
+        module.eval()  # no dropout in the frozen part; the denoiser has none
         return lanes.draw(), supervised
 
     def losses(item: Tensor) -> Losses:
@@ -115,17 +115,17 @@ def run_stage3(session: Session, data: MotionData, module: Generator, length: St
     return module.eval()
 
 
-VARIANCE_BATCHES = 12  # of 1024 frames, each with its noise and the opposite of it
+VARIANCE_BATCHES = 12  # of 1024 frames, each with antithetic noise
 
 
 @torch.no_grad()
 def estimate_variance(
     session: Session, data: MotionData, module: Generator, batches: int = VARIANCE_BATCHES
 ) -> np.ndarray:
-    """sigma_bar^2 `(5,)` per step of tau by Monte Carlo over the training set (Analytic-DPM).
+    """Estimate sigma_bar^2 `(5,)` per step of tau by Monte Carlo over the training set (Analytic-DPM).
 
-    Kept within its bounds: what is diffused is standardised, so no less than 0 and no more than its own variance is
-    left of it at any step. The last steps divide by an alpha_bar of nearly zero; there the bound is what is known.
+    It is clipped to its bounds: the diffused variable is standardised, so the variance left at any step is between 0 and
+    the variable's own. The last steps divide by an alpha_bar of nearly zero; there the bound decides.
     """
     schedule = Schedule.linear(module.config.diffusion_steps)
     tau = schedule.subsequence(module.config.inference_steps)

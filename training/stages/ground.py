@@ -1,8 +1,8 @@
-"""Ground: a finished generator learns courses from its own traversals, and stays what it is everywhere else.
+"""Stage ground: fine-tunes a finished generator on its own traversals of courses, without changing it elsewhere.
 
-On captured and composed samples it is held to what it gave before (learning without forgetting, Li and Hoiem 2016): to
-its y and to its embedding E, so that words and the denoiser keep their meaning, at a strength up to 2 too. On
-clips of `training.courses` it is trained as in stage 2, with the heights as they are.
+On captured and composed samples it is distilled from its former self (learning without forgetting, Li and Hoiem 2016):
+y and embedding E are kept, so that words and denoiser keep their meaning, also at strengths up to 2. On clips of
+`training.courses` it is trained as in stage 2, with the true heights.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from training.session import Resumable, Session, StageLength, train
 from training.stages import motion as stage_motion
 from training.stages.motion import MotionData
 
-COURSES_FRACTION = 0.35  # fraction of the samples
+COURSES_FRACTION = 0.35  # of the samples
 EMBEDDING_WEIGHT = 1.0
-# Fraction of the held samples' parts whose codes are up to twice as far from neutral, for a strength above 1.
+# Fraction of parts in distilled samples whose codes are up to twice as far from neutral, for strengths above 1.
 DRAWN_OUT_FRACTION = 0.5
 PEAK_RATE_FRACTION = 0.5  # of stage 2's learning rate
 
@@ -34,7 +34,7 @@ def run_ground(
     neutral: np.ndarray,
     length: StageLength,
 ) -> Generator:
-    """Train encoder, modulator and E_d of `module` on `courses`, held to themselves on `data`; the denoiser stays.
+    """Train encoder, modulator and E_d of `module` on `courses`, distilled on `data`; the denoiser is fixed.
 
     `neutral` is Z^t `(6, n / 6)` of neutral walking.
     """
@@ -83,7 +83,7 @@ def _held(
     mixed: stage_motion.MixedBatch,
     lanes: stage_motion.RolloutLanes,
 ) -> tuple[Losses, Tensor]:
-    """Losses against the teacher's y on the same inputs, and the embeddings' distance."""
+    """Return losses against the teacher's y on the same inputs, and the distance of the embeddings."""
     with torch.no_grad():
         known, alpha = teacher.embed(mixed.x, mixed.z)
         with stage_motion.full_precision(known.device):
@@ -93,7 +93,7 @@ def _held(
 
 
 def _drawn_out(z: Tensor, neutral: Tensor) -> Tensor:
-    """Z^t `(B, n)` whose parts are by chance up to twice as far from `neutral` `(6, n / 6)`."""
+    """Return Z^t `(B, n)` with random parts moved up to twice as far from `neutral` `(6, n / 6)`."""
     parts = z.unflatten(1, neutral.shape)
     size = (len(z), len(neutral), 1)
     farther = torch.rand(size, device=z.device) * (torch.rand(size, device=z.device) < DRAWN_OUT_FRACTION)

@@ -1,4 +1,4 @@
-"""Stage 2: the motion generator with the MoE decoder, and the losses that stage 3 and courses share with it (Sec. III-F)."""
+"""Stage 2: the motion generator with the MoE decoder, and losses shared with stages 3 and ground (Sec. III-F)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from training.styles import StyleTable
 
 @dataclass
 class MotionData:
-    """Frames, their normalisation, the clips' Z^t and the frames' sampling weights, on one device."""
+    """Frames with normalisation, sampling weights and the Z^t of their clips, on one device."""
 
     frames: FrameTensors
     normal: Normalisation
@@ -47,27 +47,27 @@ class MotionData:
     weights: np.ndarray
 
     def styles(self, clips: Tensor) -> Tensor:
-        """Z^t `(B, 384)` of clips `(B,)`, or `(B, 6)` of every part's own: random paraphrases, and half of the time a blend towards others of the clip."""
+        """Draw Z^t `(B, 384)` of clips `(B,)`, or of one clip per part `(B, 6)`: a random paraphrase, half of the time blended with another."""
         t = torch.rand(len(clips), 1, device=clips.device)
         t = t * (torch.rand(len(clips), 1, device=clips.device) < 0.5)
         z = (1 - t) * self.style.draw(clips) + t * self.style.draw(clips)
         return z + 0.05 * torch.randn_like(z)
 
     def patch(self, rows: Tensor) -> Tensor:
-        """A random terrain patch per frame; half of the time the clip's own ground."""
+        """Draw a terrain patch per frame; half of the time the clip's own ground."""
         random = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         return torch.where(torch.rand(len(rows), device=rows.device) < 0.5, random, torch.zeros_like(random))
 
     def input(self, rows: Tensor, patch: Tensor) -> Tensor:
-        """Normalised x of captured frames, their paths as a stick gives them."""
+        """Return normalised x of captured frames, with paths smoothed as those of a stick."""
         return self.normal.normalised(steered(self.frames.inputs(rows, patch)))
 
     def output(self, rows: Tensor, patch: Tensor, plan: CompositionPlan | None = None) -> Tensor:
-        """Normalised y, with parts of other clips where `plan` has them."""
+        """Return normalised y, with parts of other clips according to `plan`."""
         return self._standardised(self.frames.outputs(rows, patch, plan))
 
     def pairs(self, rows: Tensor, patch: Tensor, plan: CompositionPlan) -> tuple[Tensor, Tensor]:
-        """Normalised x, its paths as a stick gives them, and y."""
+        """Return normalised x, with paths smoothed as those of a stick, and y."""
         x, y = self.frames.pairs(rows, patch, plan)
         return self.normal.normalised(steered(x)), self._standardised(y)
 
@@ -76,7 +76,7 @@ class MotionData:
 
 
 def measure(frames: FrameTensors, weights: np.ndarray, session: Session, count: int = 40000) -> Normalisation:
-    """Normalisation from `count` weighted frames, composed as training sees them."""
+    """Measure normalisation on `count` weighted frames, composed as in training."""
     torch.manual_seed(session.seed + 1)
     rows = next(RandomRows(weights, count, 0, frames.last, session.generator(3)))
     return Normalisation.measure(
@@ -85,25 +85,25 @@ def measure(frames: FrameTensors, weights: np.ndarray, session: Session, count: 
 
 
 def _corrupt(x: Tensor, level: float) -> Tensor:
-    """Noise on what the network will feed back to itself, of a random strength per sample."""
+    """Add noise, of random strength per sample, to the inputs that the network feeds back to itself."""
     strength = level * torch.rand(len(x), 1, device=x.device)
     return x + torch.randn_like(x) * strength * _noise_scale(x.device)
 
 
 @lru_cache
 def _noise_scale(device: torch.device) -> Tensor:
-    """Strength of the noise on each entry of x `(472,)`."""
+    """Return the relative noise strength of each entry of x `(472,)`."""
     scale = torch.ones(INPUT_SIZE, device=device)
     scale[INPUT["gait"]] = 0.0
     for name in ("heights", "trajectory_positions", "trajectory_directions"):
         scale[INPUT[name]] = 0.3
     for name in ("joint_positions", "joint_velocities"):
-        scale[INPUT[name]] = 0.4  # the softened input scale of these fields
+        scale[INPUT[name]] = 0.4  # the reduced input scale of these fields
     return scale
 
 
 def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str, Tensor]:
-    """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v."""
+    """Return Eq. 10 to 13: weighted MSE of M and the contact term, with squared foot velocities from the predicted j^v."""
     reconstruction = terms.motion(target, predicted, loss_weights(target.device))
     normal = data.normal
     field = OUTPUT["joint_velocities"]
@@ -115,21 +115,21 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str
 
 
 CONTACT_WEIGHT = 0.1
-ADDED_WEIGHTS = {  # of the losses that are not in the paper
+ADDED_WEIGHTS = {  # of losses that are not in the paper
     "shown": 0.3,
     "unrest": 0.05,
     "swing": 0.05,
     "own_swing": 0.05,
     "offset": 1.5,
-    "bend": 0.3,  # of the knees' flexion; in rollouts of its distribution too
-    "turn": 1.0,  # of pelvis, shoulders, head and feet: a centimetre at the joints, which Eq. 11 hardly sees
+    "bend": 0.3,  # of knee flexion; in rollouts also of its distribution
+    "turn": 1.0,  # of pelvis, shoulders, head and feet: only a centimetre at the joints, little in Eq. 11
 }
-# of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
+# of captured frames: with more, the network relies less on its own pose, and swings shrink
 MAX_INPUT_NOISE = 0.12
-LANES_FRACTION = 0.5  # fraction of a batch that continues from the network's own output
+LANES_FRACTION = 0.5  # of a batch that continues from the network's own output
 LANE_FRAMES = 90.0  # mean length of such a rollout
-FOREIGN_POSE_FRACTION = 0.4  # fraction of captured samples that start from another clip's pose: else the last pose outweighs words
-# times as often as in stage 1: whole captured bodies are learnt more slowly than composed ones
+FOREIGN_POSE_FRACTION = 0.4  # of captured samples with another clip's pose: else poses outweigh words
+# relative to stage 1: whole captured bodies are learnt more slowly than composed ones
 COMPOSED_FACTOR = 0.65
 
 
@@ -143,7 +143,7 @@ class MixedBatch:
 
 
 def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes) -> MixedBatch:
-    """The first part of `rows` as captured or composed, the rest replaced by the lanes."""
+    """Return the first part of `rows`, captured or composed, followed by the lanes."""
     fresh = rows[: len(rows) - len(lanes.rows)]
     patch, plan = data.patch(fresh), data.frames.plan(fresh, often=COMPOSED_FACTOR)
     x, y = data.pairs(fresh, patch, plan)
@@ -158,9 +158,9 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes) -> MixedBat
 
 
 def from_other_poses(x: Tensor, fraction: float) -> Tensor:
-    """x `(B, 472)`, of which a `fraction` has the previous pose of another row.
+    """Return x `(B, 472)` with the previous pose of a `fraction` of the rows taken from other rows.
 
-    Without them a network learns to keep the pose that it sees, and takes up a style late or never.
+    Without this a network learns to keep its present pose, and adopts a new style late or never.
     """
     changed = torch.rand(len(x), 1, device=x.device) < fraction
     others = torch.rand(len(x), device=x.device).argsort()
@@ -171,20 +171,20 @@ def from_other_poses(x: Tensor, fraction: float) -> Tensor:
 
 
 def full_precision(device: torch.device) -> torch.autocast:
-    """Single precision for what follows the networks: a pose of three digits trembles when it is fed back."""
+    """Return the context of single precision after the networks: a fed-back pose with three digits jitters."""
     return torch.autocast(device.type, enabled=False)
 
 
-TURN_UNIT_RAD = 0.15  # radians: unit of turns
-MAX_TURN_UNITS = 4.0  # of these: a head or foot that points to the other side is not pulled farther than this
-TURN_WEIGHT = 6.0  # of a turn against a joint's coordinate
-SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
+TURN_UNIT_RAD = 0.15
+MAX_TURN_UNITS = 4.0  # clips the error, for example of a head that points to the other side
+TURN_WEIGHT = 6.0  # of an angle relative to a joint coordinate
+SETTLED_FRAMES = 10  # time for a rollout that started in another pose to reach its clip's
 
 
 def shown_losses(normal: Normalisation, lanes: RolloutLanes, target: Tensor, y: Tensor) -> dict[str, Tensor]:
-    """Losses of the pose that forward kinematics make of the normalised prediction y `(B, n)`, and of the lanes' movements.
+    """Return losses of the forward-kinematics pose of normalised y `(B, n)`, and of the lanes' movements.
 
-    `shown` holds the pose to the capture; `training.losses` has the others.
+    `shown` compares the pose with the capture; `training.losses` documents the others.
     """
     field = OUTPUT["joint_positions"]
     scale = normal.y_deviation[field]
@@ -209,7 +209,7 @@ def shown_losses(normal: Normalisation, lanes: RolloutLanes, target: Tensor, y: 
 
 
 def _movement_losses(lanes: RolloutLanes, moved: tuple[Tensor, Tensor], scale: Tensor) -> dict[str, Tensor]:
-    """How far the lanes' `movements` swing, and where they are on average, against their clips'."""
+    """Return losses of amplitude and mean of the lanes' `movements` relative to their clips'."""
     since = SETTLED_FRAMES + SWING_FRAMES
     kept = torch.ones_like(moved[0])
     kept[:, -TURNS:].fill_(TURN_WEIGHT)
@@ -225,19 +225,19 @@ def _movement_losses(lanes: RolloutLanes, moved: tuple[Tensor, Tensor], scale: T
 
 
 def _turn(own: Tensor, wanted: Tensor) -> Tensor:
-    """Mean square error of `turns` `(B, 9)`, in units of `TURN_UNIT_RAD`."""
+    """Return the mean square error of `turns` `(B, 9)`, in units of `TURN_UNIT_RAD`."""
     error = torch.remainder(own - wanted + math.pi, 2.0 * math.pi) - math.pi
     error = (error / TURN_UNIT_RAD).clamp(-MAX_TURN_UNITS, MAX_TURN_UNITS)
     return error.square().mean()
 
 
 def _older(lanes: RolloutLanes, frames: int) -> Tensor:
-    """`(lanes, 1)`: one where a rollout is at least so many frames old."""
+    """Return `(lanes, 1)`: one where a rollout is at least `frames` old."""
     return (lanes.age >= frames).float()[:, None]
 
 
 def _bend(real: Tensor, wanted: Tensor, lanes: int) -> Tensor:
-    """Error of the knees' flexion, and of its distribution in the last `lanes` rows, which may be out of step."""
+    """Return the error of knee flexion, and of its distribution in the last `lanes` rows, which may be out of phase."""
     own, captured = knee_flexion(real), knee_flexion(wanted)
     error = ((own - captured) / terms.BEND_UNIT_RAD).square().mean()
     return error + terms.distribution(own[-lanes:], captured[-lanes:], terms.BEND_UNIT_RAD)
@@ -245,13 +245,13 @@ def _bend(real: Tensor, wanted: Tensor, lanes: int) -> Tensor:
 
 @lru_cache(2)
 def _shown_weights(device: torch.device) -> Tensor:
-    """Weight of every joint's position `(93,)`: that of Eq. 11."""
+    """Return the weight of Eq. 11 of every joint position `(93,)`."""
     weights = loss_weights(device)[OUTPUT["joint_positions"]]
     return weights / weights.mean()
 
 
 def motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Losses:
-    """Losses of stage 2 of normalised y `(B, n)`; the lanes move on by it."""
+    """Return the losses of stage 2 for normalised y `(B, n)`, and advance the lanes with it."""
     result = stage2_loss(data, mixed.target, y) | shown_losses(data.normal, lanes, mixed.target, y)
     with torch.no_grad():
         both = (
@@ -262,7 +262,7 @@ def motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: T
 
 
 def total_of(result: Losses) -> Tensor:
-    """Eq. 10, and the losses that are not in the paper."""
+    """Return the sum of Eq. 10 and the losses that are not in the paper."""
     total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
     for name, weight in ADDED_WEIGHTS.items():
         total = total + weight * result[name]
@@ -272,7 +272,7 @@ def total_of(result: Losses) -> Tensor:
 def mixture_losses(
     data: MotionData, module: Generator, mixed: MixedBatch, lanes: RolloutLanes
 ) -> tuple[Losses, Tensor]:
-    """Losses of a batch by E_d, with their "total", and the embeddings E `(B, n)`; the lanes move on."""
+    """Return the losses of a batch with E_d, including "total", and embeddings E `(B, n)`; advances the lanes."""
     e, alpha = module.embed(mixed.x, mixed.z)
     with full_precision(e.device):
         y = module.mixture_decoder(e.float(), alpha.float())
@@ -281,7 +281,7 @@ def mixture_losses(
 
 
 def lanes_of(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
-    """The rollouts of a batch, begun at random frames."""
+    """Return the rollouts of a batch, started at random frames."""
     fresh = RandomRows(data.weights, batch, RENEWED, data.frames.last, session.batch_generator(salt))
     return RolloutLanes(data.frames, int(LANES_FRACTION * batch), LANE_FRAMES, fresh, COMPOSED_FACTOR)
 
@@ -289,15 +289,15 @@ def lanes_of(session: Session, data: MotionData, batch: int, salt: int) -> Rollo
 def generator_state(
     module: Generator, parameters: Iterable[nn.Parameter], steps: int, sources: Mapping[str, Resumable]
 ) -> TrainingState:
-    """AdamW on `parameters`, with the moving average of the whole module."""
+    """Return AdamW on `parameters` with a moving average of the whole module."""
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4, fused=True)
-    # of the weights: a fifth of the stage, at most 2000 steps
+    # averaging time: a fifth of the stage, at most 2000 steps
     average = MovingAverage(module, min(0.9995, 1.0 - 5.0 / max(steps, 10)))
     return TrainingState(module, optimizer, average, sources)
 
 
 def all_but_the_denoiser(module: Generator) -> list[nn.Parameter]:
-    """The parameters that stage 2 and the stage ground train."""
+    """Return the parameters trained by stages 2 and ground."""
     return [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
 
 
@@ -307,7 +307,7 @@ def run_stage2(session: Session, config: ModelConfig, data: MotionData, length: 
     steps, batch = length.steps, length.batch
     module = Generator(config).to(session.device)
     fine_tuned = (session.out / START).exists()
-    if fine_tuned:  # weights of an earlier model, unpacked by training.packed_run
+    if fine_tuned:  # initial weights of an earlier model, unpacked by training.packed_run
         module.load_state_dict(load_checkpoint(session.out / START)["module"])
         without_dropout(module)
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
@@ -319,7 +319,7 @@ def run_stage2(session: Session, config: ModelConfig, data: MotionData, length: 
         return mixture_losses(data, module, mixed_batch(data, item, lanes), lanes)[0]
 
     def prepare(at: float) -> tuple:
-        late = at >= DROPOUT_STEPS * steps
+        late = at >= DROPOUT_FRACTION * steps
         if late:
             without_dropout(module)
         return lanes.draw(), late
@@ -336,24 +336,24 @@ def run_stage2(session: Session, config: ModelConfig, data: MotionData, length: 
 
 
 def without_dropout(module: torch.nn.Module) -> None:
-    """Weights that have learnt to do without their neighbours go on with them: swings are no longer averaged smaller,
-    and rollouts tremble only as far as they will in use."""
+    """Switch dropout off for the rest of a stage: swings are no longer reduced by averaging, and rollouts jitter only as
+    much as they will in use."""
     for part in module.modules():
         if isinstance(part, torch.nn.Dropout):
             part.p = 0.0
 
 
-SHORT_STEPS = 6000  # of a stage: fewer leave no time for restarts
-DROPOUT_STEPS = 1 / 7  # of stage 2: the first of its three cycles
+SHORT_STEPS = 6000  # below this a stage is too short for restarts
+DROPOUT_FRACTION = 1 / 7  # fraction of stage 2, the first of its three cycles
 
 
 def peak_of(batch: int) -> float:
-    """Highest learning rate: 1e-3 for a batch of 256 over all processes, by the square root for others, 2e-3 at most."""
+    """Return the peak learning rate: 1e-3 for a batch of 256 over all processes, scaled by its square root, at most 2e-3."""
     return min(2e-3, 1e-3 * math.sqrt(batch * parallel.workers() / 256))
 
 
 def warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[float], float]:
-    """Cosine annealing whose cycles double in length (factor 2.0), the last one ending at `steps`."""
+    """Return cosine annealing with cycles of doubling length, the last one ending at `steps`."""
     shortest = steps / (2**cycles - 1)
 
     def rate(step: float) -> float:

@@ -30,8 +30,8 @@ from training.session import (
 
 log = logging.getLogger("sport.train")
 HALF = WINDOW // 2
-STRIDE = 3  # frames between two that are encoded
-KNOWN_FRAMES = 6000  # of the capture, which give the scale of its phases
+STRIDE = 3  # frames between two encoded ones
+KNOWN_FRAMES = 6000  # of the capture, from which the scale of phases is measured
 
 
 class _Windows:
@@ -65,7 +65,7 @@ class _Windows:
 def run(
     session: Session, config: ModelConfig, table: FrameTable, weights: np.ndarray, length: StageLength
 ) -> np.ndarray:
-    """Phase vectors `(N, 5, 2)` of every frame; also written to `phase.npy` next to the checkpoint."""
+    """Train the autoencoder and return phase vectors `(N, 5, 2)` of all frames; also written to `phase.npy`."""
     torch.manual_seed(session.seed)
     batches = _Windows(session, table, weights, length.batch)
     module = PeriodicAutoencoder(config).to(session.device)
@@ -87,9 +87,9 @@ def run(
 
 
 def encode_table(session: Session, config: ModelConfig, table: FrameTable) -> np.ndarray:
-    """Phase vectors `(N, 5, 2)` of a table by the trained autoencoder; written to `phase.npy`."""
+    """Compute phase vectors `(N, 5, 2)` of a table with the trained autoencoder; also written to `phase.npy`."""
     phase = _Encoder.of(session, config).phases(table)
-    # a unit scale for the networks: amplitudes themselves are arbitrary
+    # unit scale for the networks: absolute amplitudes are arbitrary
     phase /= np.sqrt((phase[:: max(1, len(phase) // 50000)] ** 2).mean((0, 2), keepdims=True)) + 1e-6
     np.save(session.out / "phase.npy", phase.astype(np.float32))
     return phase.astype(np.float32)
@@ -102,9 +102,9 @@ def course_phases(
     known: tuple[FrameTable, np.ndarray],
     folder: Path,
 ) -> np.ndarray:
-    """Phases `(N, 5, 2)` of course clips `table`, kept in `folder`.
+    """Return phases `(N, 5, 2)` of course clips `table`, cached in `folder`.
 
-    Their scale is that of `known`: the captured table and its phases.
+    They are scaled like `known`, the captured table and its phases.
     """
     stored = folder / "phase.npy"
     if stored.exists():
@@ -122,7 +122,7 @@ def course_phases(
 
 @dataclass(frozen=True)
 class _Encoder:
-    """The trained autoencoder on all frames of a table."""
+    """Applies the trained autoencoder to all frames of a table."""
 
     session: Session
     module: PeriodicAutoencoder
@@ -130,7 +130,7 @@ class _Encoder:
 
     @staticmethod
     def of(session: Session, config: ModelConfig) -> _Encoder:
-        """Load the autoencoder as stage 0 left it."""
+        """Load the autoencoder trained by stage 0."""
         saved = load_checkpoint(session.out / "phase_final.pt")
         module = PeriodicAutoencoder(config).to(session.device)
         module.load_state_dict(saved["module"])
@@ -138,7 +138,7 @@ class _Encoder:
 
     @torch.no_grad()
     def phases(self, table: FrameTable, count: int | None = None) -> np.ndarray:
-        """Phase vectors of the clips in the first `count` frames, or of all: every third frame encoded, the others between them."""
+        """Return phase vectors of the clips in the first `count` frames (default: all); two of three frames are interpolated."""
         count = count or len(table)
         known = np.empty((-(-count // STRIDE), C, 2), np.float32)
         for clip, (first, end) in enumerate(pairwise(table.start.tolist())):
@@ -151,7 +151,7 @@ class _Encoder:
         return _between(known, table.start[clip_of], table.start[clip_of + 1] - 1)
 
     def _of_clip(self, velocities: np.ndarray, begin: int) -> np.ndarray:
-        """Of every third frame `(n, 5, 2)` of a clip `(T, 31, 3)` from `begin` on."""
+        """Encode every third frame `(n, 5, 2)` of a clip `(T, 31, 3)` from `begin` on."""
         device = self.session.device
         padded = np.pad(velocities, ((HALF, HALF), (0, 0), (0, 0)), "edge")
         rows = torch.arange(begin, len(velocities), STRIDE, device=device)
@@ -161,11 +161,11 @@ class _Encoder:
 
 
 def _between(known: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Phases of all frames from those of every third; `first` and `last` `(N,)` are the ends of a frame's clip."""
+    """Interpolate phases of all frames from every third; `first` and `last` `(N,)` bound the clip of each frame."""
     position = np.arange(len(first)) / STRIDE
     low = np.minimum(position.astype(int), len(known) - 1)
     high = np.minimum(low + 1, len(known) - 1)
-    # no blending across two clips
+    # no interpolation across two clips
     high = np.where((low * STRIDE < first), high, np.where(high * STRIDE > last, low, high))
     low = np.where(low * STRIDE < first, high, low)
     t = (position - np.floor(position))[:, None, None]

@@ -1,7 +1,7 @@
-"""Stage 1, afterwards: the text network learns that a longer sentence means what its phrases mean.
+"""Stage words, after stage 1: the text network learns to understand longer sentences by their phrases.
 
-The text network alone is trained, on the codes that it gives already: those of all training sentences stay, so the
-motion generator may have been trained before, and those of `training.augmentation.sentences` follow their phrases.
+Only the text network is trained, on its own codes: those of all training sentences are kept, so that an already trained
+motion generator stays valid; sentences of `training.augmentation.sentences` get the codes of their phrases.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from training.styles import StyleTexts
 log = logging.getLogger("sport.train")
 
 BATCH = 128
-MAX_WORD_NOISE = 0.1  # at most, of the length of a sentence's embedding
+MAX_WORD_NOISE = 0.1  # relative to the length of a sentence embedding
 
 
 @dataclass
 class Targets:
-    """Sentences `(U, D)` of one part, their target codes `(U, 128)`, mean and log-variance, and their spread."""
+    """Sentences `(U, D)` of one part, their target codes `(U, 128)` (mean and log-variance), and the codes' deviation."""
 
     words: Tensor
     codes: Tensor
@@ -47,7 +47,7 @@ def learn_longer_sentences(
     length: StageLength,
     seed: int = 0,
 ) -> dict[str, float]:
-    """Train `content.text` in place; returns the mean distances (in deviations of the codes) before and after, and "steps"."""
+    """Train `content.text` in place; returns mean distances (in deviations of the codes) before and after, and "steps"."""
     torch.manual_seed(seed + 5)
     network = content.text.cpu().train()
     goals = targets(copy.deepcopy(network).eval(), config, texts, encoder)
@@ -70,7 +70,7 @@ def learn_longer_sentences(
 def targets(
     teacher: PartTextEncoder, config: ModelConfig, texts: StyleTexts, encoder: TextEncoderLike
 ) -> dict[str, list[Targets]]:
-    """Targets of the known, the longer and the other sentences of every part. Codes are those of `teacher`."""
+    """Return the targets of known, longer and alternative sentences of every part, from the codes of `teacher`."""
     found: dict[str, list[Targets]] = {"known": [], "longer": [], "other": []}
     for k, part in enumerate(PART_NAMES):
         words = torch.as_tensor(np.asarray(texts.embeddings[k], np.float32))
@@ -97,8 +97,8 @@ def _targets(
     k: int,
     middle: Tensor,
 ) -> tuple[Tensor, Tensor]:
-    """Sentences of part k and their codes: of several phrases, the sum of what each adds to the `middle` code, or their
-    mean where they say the same."""
+    """Return sentences of part k and their codes: the `middle` code plus the sum of its phrases' differences from it, or
+    the mean of phrases with the same meaning."""
 
     def inputs(lines: list[str]) -> Tensor:
         options = config.direction_words, config.one_sided_words
@@ -113,7 +113,7 @@ def _targets(
 
 
 def disturbed(words: Tensor, one_sided: bool) -> Tensor:
-    """Sentences `(..., D)` with noise of a random strength, their side kept."""
+    """Return sentences `(..., D)` with noise of random strength, keeping their side."""
     size = words.shape[-1] - one_sided
     noise = MAX_WORD_NOISE * torch.rand_like(words[..., :1]) * torch.randn_like(words) / size**0.5
     noise[..., size:] = 0.0
@@ -121,13 +121,13 @@ def disturbed(words: Tensor, one_sided: bool) -> Tensor:
 
 
 def codes_of(network: PartTextEncoder, words: Tensor, k: int) -> Tensor:
-    """Mean and log-variance `(B, 128)` of sentences `(B, D)` of part k."""
+    """Return mean and log-variance `(B, 128)` of sentences `(B, D)` of part k."""
     code = network(words[:, None].expand(-1, len(PART_NAMES), -1))
     return torch.cat([code.mean[:, k], code.log_variance[:, k]], dim=1)
 
 
 def _distance(network: PartTextEncoder, targets: list[Targets], noise: bool = False) -> Tensor:
-    """Mean square distance, in deviations, of BATCH sentences of every part from what they shall mean."""
+    """Return the mean square distance, in deviations, of BATCH random sentences of every part from their targets."""
     rows = [torch.randint(len(one.words), (BATCH,)) for one in targets]
     words = torch.stack([one.words[r] for one, r in zip(targets, rows, strict=True)], dim=1)
     goal = torch.stack([one.codes[r] for one, r in zip(targets, rows, strict=True)], dim=1)
@@ -138,5 +138,5 @@ def _distance(network: PartTextEncoder, targets: list[Targets], noise: bool = Fa
 
 @torch.no_grad()
 def _error(network: PartTextEncoder, targets: list[Targets]) -> float:
-    """Root mean square distance in deviations."""
+    """Return the root mean square distance, in deviations."""
     return float(torch.stack([_distance(network, targets) for _ in range(20)]).mean().sqrt())

@@ -1,1 +1,1 @@
-"""Words for training: the text encoder's export, measured captions of motion, and the prompt library's embeddings."""
+"""Text side of training: export of the text encoder, measured captions of motion, embeddings of the prompt library."""

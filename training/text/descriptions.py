@@ -1,7 +1,7 @@
-"""Numbers to sentences: a body part's measures as a short description in the vocabulary of the prompts.
+"""Captions from measures: short descriptions of body parts in the vocabulary of the prompts.
 
-Which measures have which words is in words.toml. Every phrase has synonyms; `k` chooses among them, so that one motion gets
-several descriptions of the same truth.
+words.toml maps measures to words. Every phrase has synonyms, selected by `k`, so that one motion has several equivalent
+descriptions.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 from runtime.measures.table import BodyMeasures, PartMeasures
 from runtime.prompts.parts import MAX_CHARACTERS, PartDescriptions
 
-STANDING_FRACTION = 0.3  # of the frames that move, under which a motion is standing
+STANDING_FRACTION = 0.3  # of frames that move, below which a motion counts as standing
 
 
 @cache
@@ -25,10 +25,10 @@ def _words() -> dict[str, Any]:
 
 
 def describe(body: BodyMeasures, k: int) -> PartDescriptions:
-    """Six descriptions of a motion, by its synonyms number `k`."""
+    """Return the six descriptions of a motion with synonyms number `k`."""
     gap = {"gap": body.left_leg.width + body.right_leg.width}
     tilted = body.head.roll_range < 2 * abs(body.head.roll)
-    # a synonym is chosen by its length, that of legs with the side's name
+    # synonyms are chosen by their length, for legs including the name of the side
     return PartDescriptions(
         left_arm=_sentence("arm", vars(body.left_arm), k).replace("{s}", "left"),
         right_arm=_sentence("arm", vars(body.right_arm), k + 1).replace("{s}", "right"),
@@ -44,7 +44,7 @@ def _leg(measures: PartMeasures) -> str:
 
 
 def _sentence(kind: str, measures: Mapping[str, float], k: int, side: str = "{s}") -> str:
-    """What the items of a kind say of measures; the side's name where it is known."""
+    """Describe measures with the items of a kind, with the name of the side if known."""
     sizes = {
         name: _pick(k, size["says"][sum(measures[size["of"]] >= limit for limit in size["limits"])])
         for name, size in _words()["sizes"][kind.removeprefix("standing_")].items()
@@ -54,7 +54,7 @@ def _sentence(kind: str, measures: Mapping[str, float], k: int, side: str = "{s}
 
 
 def _first(item: list[dict[str, Any]], measures: Mapping[str, float], k: int, names: dict[str, str]) -> str:
-    """A synonym of the first case that holds, "" where none does."""
+    """Return a synonym of the first matching case, or ""."""
     for case in item:
         ranges = {name: ends for name, ends in case.items() if name != "says"}
         if all(low < measures[name] < high for name, (low, high) in ranges.items()):

@@ -1,4 +1,4 @@
-"""The text encoders in plain torch, all-MiniLM-L6-v2 and CLIP's text tower, and their weights as Hugging Face stores them."""
+"""Text encoders in plain torch, all-MiniLM-L6-v2 and CLIP's text tower, with weights in the format of Hugging Face."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from torch.nn import functional
 from runtime.errors import FileError
 
 Network = TypeVar("Network", bound=nn.Module)
-_REMEDY = "Name a folder as Hugging Face stores it: config.json, model.safetensors, tokenizer.json."
-_BERT_NAMES = (  # patterns of a checkpoint's names and what they are here, applied in this order
+_REMEDY = "Give a folder in Hugging Face's format: config.json, model.safetensors, tokenizer.json."
+_BERT_NAMES = (  # patterns of a checkpoint's names and their replacements here, applied in this order
     (r"^embeddings\.LayerNorm", "embedding_norm"),
     (r"^embeddings\.", ""),
     (r"^encoder\.layer\.", "layers."),
@@ -47,7 +47,7 @@ _CLIP_NAMES = (
 
 @dataclass(frozen=True)
 class BertConfig:
-    """Sizes of MiniLM, by the names of the checkpoint's config.json."""
+    """Layer sizes of MiniLM, named as in the checkpoint's config.json."""
 
     vocab_size: int = 30522
     hidden_size: int = 384
@@ -61,7 +61,7 @@ class BertConfig:
 
     @classmethod
     def read(cls, path: Path) -> BertConfig:
-        """The fields of a checkpoint's config.json; FileError when one is missing."""
+        """Read a checkpoint's config.json; FileError if a field is missing."""
         try:
             values = json.loads(path.read_text("utf-8"))
             return cls(**{name: values[name] for name in cls.__dataclass_fields__})
@@ -71,7 +71,7 @@ class BertConfig:
 
 @dataclass(frozen=True)
 class ClipTextConfig:
-    """Sizes of CLIP's text tower; the defaults are those of ViT-B/32, which a config.json may leave out."""
+    """Layer sizes of CLIP's text tower; defaults are those of ViT-B/32, which a config.json may omit."""
 
     vocab_size: int = 49408
     hidden_size: int = 512
@@ -85,19 +85,19 @@ class ClipTextConfig:
 
     @classmethod
     def read(cls, path: Path) -> ClipTextConfig:
-        """Read config.json of a whole CLIP or of its text tower; FileError when it is neither."""
+        """Read the config.json of a complete CLIP model or of its text tower; FileError for other files."""
         try:
             values: dict[str, Any] = json.loads(path.read_text("utf-8"))
             if values["model_type"] not in ("clip", "clip_text_model"):
                 raise ValueError(f"model_type is {values['model_type']!r}")
             own = {**values, **values.get("text_config", {})}
-            if "projection_dim" in values:  # the whole CLIP's counts, its text_config may name another
+            if "projection_dim" in values:  # of the complete CLIP; its text_config may differ
                 own["projection_dim"] = values["projection_dim"]
             config = cls(**{name: own[name] for name in cls.__dataclass_fields__ if name in own})
             if config.hidden_act not in _ACTIVATIONS:
                 raise ValueError(f"hidden_act is {config.hidden_act!r}")
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise FileError(f"{path}: not the config.json of a CLIP ({error}).", _REMEDY) from error
+            raise FileError(f"{path}: not the config.json of a CLIP model ({error}).", _REMEDY) from error
         return config
 
 
@@ -122,7 +122,7 @@ class TransformerLayer(nn.Module):
         self.output_norm = nn.LayerNorm(width, config.layer_norm_eps)
 
     def forward(self, x: Tensor, bias: Tensor) -> Tensor:
-        """x `(N, L, W)`; bias, added to the attention scores, broadcasts to `(N, heads, L, L)`."""
+        """Transform x `(N, L, W)`; bias is added to the attention scores `(N, heads, L, L)`."""
         if self.norm_first:
             x = x + self._attend(self.attention_norm(x), bias)
             return x + self._feed(self.output_norm(x))
@@ -132,7 +132,7 @@ class TransformerLayer(nn.Module):
     def _attend(self, x: Tensor, bias: Tensor) -> Tensor:
         n, length, width = x.shape
         head = width // self.heads
-        # no scaled_dot_product_attention: its graph would be tied to the lengths of the example
+        # no scaled_dot_product_attention: its exported graph would have fixed lengths
         q, k, v = (
             layer(x).reshape(n, length, self.heads, head).transpose(1, 2)
             for layer in (self.query, self.key, self.value)
@@ -145,7 +145,7 @@ class TransformerLayer(nn.Module):
 
 
 class SentenceEncoder(nn.Module):
-    """MiniLM: token ids to unit sentence vectors by BERT and the mean over the unmasked tokens."""
+    """MiniLM: unit sentence vectors from token ids, by BERT and the mean over unmasked tokens."""
 
     def __init__(self, config: BertConfig) -> None:
         super().__init__()
@@ -158,7 +158,7 @@ class SentenceEncoder(nn.Module):
         self.layers = nn.ModuleList(TransformerLayer(config, norm_first=False) for _ in range(layers))
 
     def forward(self, input_ids: Tensor, attention_mask: Tensor) -> Tensor:
-        """input_ids, attention_mask `(N, L)` int64 to `(N, 384)` unit vectors."""
+        """Map input_ids, attention_mask `(N, L)` int64 to unit vectors `(N, 384)`."""
         positions = torch.arange(input_ids.shape[1], device=input_ids.device)
         x = self.word_embeddings(input_ids) + self.position_embeddings(positions)
         x = self.embedding_norm(x + self.token_type_embeddings.weight[0])
@@ -171,7 +171,7 @@ class SentenceEncoder(nn.Module):
 
 
 class ClipTextTower(nn.Module):
-    """CLIP: token ids that end in the end-of-text token to unit vectors; attention looks back only."""
+    """CLIP: unit vectors from token ids that end with the end-of-text token; causal attention."""
 
     def __init__(self, config: ClipTextConfig) -> None:
         super().__init__()
@@ -184,7 +184,7 @@ class ClipTextTower(nn.Module):
         self.text_projection = nn.Linear(width, config.projection_dim, bias=False)
 
     def forward(self, input_ids: Tensor, attention_mask: Tensor) -> Tensor:
-        """input_ids, attention_mask `(N, L)` int64 to `(N, 512)`; the last unmasked token is the end of the text."""
+        """Map input_ids, attention_mask `(N, L)` int64 to `(N, 512)`; the last unmasked token is the end of the text."""
         positions = torch.arange(input_ids.shape[1], device=input_ids.device)
         x = self.token_embedding(input_ids) + self.position_embedding(positions)
         bias = (positions[None, :] > positions[:, None]).to(x.dtype) * -10000.0
@@ -196,20 +196,20 @@ class ClipTextTower(nn.Module):
 
 
 def load_encoder(directory: Path) -> SentenceEncoder:
-    """MiniLM with the weights of a folder, every tensor accounted for; FileError when one is missing."""
+    """Load MiniLM from a folder with strict matching of tensors; FileError if one is missing."""
     encoder = SentenceEncoder(BertConfig.read(directory / "config.json"))
-    # without the next-sentence head, which is no part of a sentence's embedding
+    # without the next-sentence head, which is not part of the sentence embedding
     return _loaded(encoder, directory, _BERT_NAMES, r"(?!pooler\.)")
 
 
 def load_tower(directory: Path) -> ClipTextTower:
-    """The text tower with the weights of a CLIP folder, every tensor accounted for; FileError when one is missing."""
+    """Load the text tower from a CLIP folder with strict matching of tensors; FileError if one is missing."""
     tower = ClipTextTower(ClipTextConfig.read(directory / "config.json"))
     return _loaded(tower, directory, _CLIP_NAMES, r"text_model\.|text_projection\.")
 
 
 def _loaded(network: Network, directory: Path, names: tuple[tuple[str, str], ...], own: str) -> Network:
-    """The network with those weights whose names begin as `own` says, but for buffers of positions."""
+    """Load into the network the weights whose names match `own`, except position buffers."""
     state = {}
     for name, tensor in _weights(directory).items():
         if re.match(own, name) and not name.endswith("position_ids"):
@@ -235,7 +235,7 @@ def _weights(directory: Path) -> dict[str, Tensor]:
 
 
 def read_safetensors(path: Path) -> dict[str, np.ndarray]:
-    """Arrays of a safetensors file (float16, float32 and int64 only); FileError when it is damaged."""
+    """Read the arrays of a safetensors file (float16, float32 and int64 only); FileError if it is damaged."""
     dtypes: dict[str, np.dtype[Any]] = {
         "F16": np.dtype("<f2"),
         "F32": np.dtype("<f4"),

@@ -2,9 +2,8 @@
 
     python -m training.text.export_clip --weights DIR --out DIR
 
-The weights are a folder on this machine as Hugging Face stores CLIP: config.json, model.safetensors (or
-pytorch_model.bin) and tokenizer.json. Nothing is downloaded. The folder written holds clip_text.onnx,
-tokenizer.json and text_encoder.json.
+The weights are a local folder in Hugging Face's format: config.json, model.safetensors (or pytorch_model.bin) and
+tokenizer.json. Nothing is downloaded. The output folder gets clip_text.onnx, tokenizer.json and text_encoder.json.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ PRECISIONS = ("int8", "float32")
 
 
 def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision: str = "int8") -> float:
-    """Write the text encoder into `out`; the lowest cosine against torch on a few sentences.
+    """Write the text encoder into `out`; returns the lowest cosine similarity to torch on a few sentences.
 
-    FileError when `weights` is no CLIP folder. `name` is what models trained with it will ask for.
+    FileError if `weights` is not a CLIP folder. Models trained with the encoder refer to it by `name`.
     """
     from training.text.encoders import load_tower
 
@@ -44,14 +43,14 @@ def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Export CLIP's text tower for --text-encoder.")
-    parser.add_argument("--weights", type=Path, required=True, metavar="DIR", help="folder of a CLIP")
+    parser.add_argument("--weights", type=Path, required=True, metavar="DIR", help="folder of a CLIP model")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write")
-    parser.add_argument("--name", default="CLIP ViT-B/32", help="what models will call it")
+    parser.add_argument("--name", default="CLIP ViT-B/32", help="name by which models refer to it")
     parser.add_argument("--precision", choices=PRECISIONS, default="int8")
     arguments = parser.parse_args(argv)
     cosine = export_clip(arguments.weights, arguments.out, arguments.name, arguments.precision)
     size = (arguments.out / GRAPH).stat().st_size / 1e6
-    print(f"{arguments.out / GRAPH}: {size:.1f} MB, cosine against torch at least {cosine:.4f}")
+    print(f"{arguments.out / GRAPH}: {size:.1f} MB, cosine to torch at least {cosine:.4f}")
 
 
 if __name__ == "__main__":

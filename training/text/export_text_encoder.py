@@ -40,9 +40,9 @@ CHECK_TEXTS = (
 def write_encoder(
     network: nn.Module, tokenizer: Path, out: Path, metadata: dict[str, Any], precision: str = "int8"
 ) -> float:
-    """Write a text encoder's graph, tokenizer and metadata into `out`; the lowest cosine on `CHECK_TEXTS` against torch.
+    """Write graph, tokenizer and metadata of a text encoder into `out`; returns the lowest cosine to torch on `CHECK_TEXTS`.
 
-    `metadata` names the `graph` and its `max_tokens`; its hash is added.
+    `metadata` contains `graph` and `max_tokens`; the hash of the graph is added.
     """
     out.mkdir(parents=True, exist_ok=True)
     graph = out / metadata["graph"]
@@ -60,7 +60,7 @@ def write_encoder(
 
 
 def export_onnx(network: nn.Module, path: Path) -> None:
-    """Write the fp32 graph: input_ids, attention_mask `(N, L)` to embeddings `(N, D)` unit vectors."""
+    """Write the fp32 graph from input_ids, attention_mask `(N, L)` to unit vectors `(N, D)`."""
     import torch
 
     ids = torch.ones(2, 7, dtype=torch.long)
@@ -78,21 +78,21 @@ def export_onnx(network: nn.Module, path: Path) -> None:
 
 
 def quantise(source: Path, target: Path) -> None:
-    """Dynamic int8 weights for every matrix product and the word embeddings.
+    """Quantise the weights of all matrix products and the word embeddings to int8, with dynamic activations.
 
-    Seven bits of range: without VNNI, x86 sums u8 × s8 products in 16 bits, and eight bits would saturate there.
+    Weights use seven bits: without VNNI, x86 sums u8 × s8 products in 16 bits, which eight bits would saturate.
     """
     import onnx
     from onnxruntime.quantization import QuantType, quantize_dynamic
 
     model = onnx.load(source)
-    del model.graph.value_info[:]  # stale shapes of the tracer make the quantiser's shape inference fail
+    del model.graph.value_info[:]  # stale shapes of the tracer break the quantiser's shape inference
     onnx.save(model, source)
     quantize_dynamic(source, target, weight_type=QuantType.QInt8, per_channel=True, reduce_range=True)
 
 
 def write_tokenizer(source: Path, target: Path, max_tokens: int) -> None:
-    """The tokenizer without its fixed padding, so that short descriptions stay short."""
+    """Write the tokenizer without fixed padding, so that short descriptions stay short."""
     from tokenizers import Tokenizer
 
     tokenizer = Tokenizer.from_file(str(source))
@@ -102,7 +102,7 @@ def write_tokenizer(source: Path, target: Path, max_tokens: int) -> None:
 
 
 def lowest_cosine(network: nn.Module, out: Path) -> float:
-    """The lowest cosine of the encoder in `out` against torch, on `CHECK_TEXTS`."""
+    """Return the lowest cosine similarity of the encoder in `out` to torch, on `CHECK_TEXTS`."""
     import torch
     from tokenizers import Tokenizer
 
@@ -138,7 +138,7 @@ def main(argv: list[str] | None = None) -> None:
     network, out = load_encoder(arguments.weights), arguments.out
     cosine = write_encoder(network, arguments.weights / "tokenizer.json", out, metadata)
     size = (out / metadata["graph"]).stat().st_size / 1e6
-    print(f"{out / metadata['graph']}: {size:.1f} MB, cosine against torch at least {cosine:.4f}")
+    print(f"{out / metadata['graph']}: {size:.1f} MB, cosine to torch at least {cosine:.4f}")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""What phrases of descriptions mean by the captured clips whose captions use them.
+"""Numeric meaning of phrases in descriptions, measured on the captured clips whose captions use them.
 
     python -m training.text.phrase_measures --clips RUN/clips [--disagreements]
 
-The edits of the shown pose read every steady stretch of a clip as they read a walk of the network, so that what is asked and
-what is shown are one measure. `assets/prompts/phrase_measures.json` gets, of every captured style and gait, the range of each
-target; of every phrase of edits.toml that captions use, the range over the styles whose captions do; and what is usual in a
-gait. `--disagreements` lists the captions whose words, where they have a hand-written meaning, say what their capture does not show.
+The pose edits of the runtime measure every steady stretch of a clip as they measure a walk of the network, so that
+targets and measurements are comparable. `assets/prompts/phrase_measures.json` contains the range of each target for every
+captured style and gait, for every phrase of edits.toml in captions (over the styles whose captions use it), and the usual
+range in a gait. `--disagreements` lists captions whose hand-written meaning contradicts their capture.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from runtime.errors import FileError, run_command
 from runtime.measures.signals import smoothed, smoothed_facing
 from runtime.measures.table import TARGETS, kind_of, targets_of
 from runtime.motion.features import FPS
-from runtime.motion.style import NEUTRAL_SPEEDS
+from runtime.motion.style import NEUTRAL_M_PER_S
 from runtime.prompts.captured import PHRASE_MEASURES, captions_by_style, captured
 from runtime.prompts.edit_targets import HAND, phrases, spoken
 from runtime.prompts.library_data import load_styles
@@ -37,29 +37,29 @@ from runtime.skeleton import SPORT_SKELETON
 from training.data.foot_cleaning import stretches
 from training.frames import PLAIN
 
-ASKED_WEIGHT = 1e-5  # of what is asked: enough to be measured, and next to nothing is added
+ASKED_WEIGHT = 1e-5  # of the requested edit: measures without changing the pose
 LABELS = {"walk": 1, "jog": 2, "crouch": 3}  # columns of a clip's gait
-# what a clip of one gait is called; slow runs are labelled as walks
+# words for a gait in a clip's content; slow runs are labelled as walks
 _CONTENTS = {"walk": ("walk",), "jog": ("run", "jog", "dash"), "crouch": ("crouch",)}
-LEAD_S, SHORTEST_S, EVERY_S = 0.8, 1.3, 0.2  # read after a lead, in stretches that last, so often
-MIN_SPEED_M_PER_S, MAX_TURN_RAD_PER_S, MAX_OFF_RAD = 0.25, 0.7, 0.45  # of a steady stretch straight ahead
-TWISTING_TIMES = 3.0  # these, of a clip in which such stretches are less than
-LEAST_STEADY_S, LEAST_STEADY_FRACTION = 20.0, 0.25  # these, of it: who is drunk or angry twists
-CLIPS_OF_STYLE, LONGEST_S = 12, 10.0  # of a style and content, and of a stretch, that are read at most
+LEAD_S, MIN_STRETCH_S, EVERY_S = 0.8, 1.3, 0.2  # skipped, shortest length and sampling interval of a stretch
+MIN_SPEED_M_PER_S, MAX_TURN_RAD_PER_S, MAX_OFF_RAD = 0.25, 0.7, 0.45  # of steady walking straight ahead
+TWISTING_FACTOR = 3.0  # on the limits of turn and direction, in clips with less steady walking than this:
+MIN_STEADY_S, MIN_STEADY_FRACTION = 20.0, 0.25  # for example drunk or angry walks
+CLIPS_OF_STYLE, MAX_STRETCH_S = 12, 10.0  # at most, per style and content; per stretch
 _NOT_AHEAD = ("back", "left", "right", "side", "turn", "jump", "idle", "stand", "transition", "terrain")
 SPREAD_PERCENT = (30.0, 50.0, 70.0)  # low end, median and high end of a target
 QUARTILES_PERCENT = (25.0, 75.0)  # of the medians of several styles
 UNMEASURED = (HAND, "shrug")
-USUAL = ("lean", "bounce")  # of every trunk, whatever is said
-HAND_RANGE = "hand_range"  # of an arm, beside its targets
+USUAL = ("lean", "bounce")  # targets of the trunk, measured for all styles
+HAND_RANGE = "hand_range"  # of an arm, in addition to its targets
 FAR_OFF = {row.name: row.far for row in TARGETS if row.far}
 Reading = dict[str, dict[str, float]]  # part, target
-Spread = dict[str, dict[str, list[float]]]  # part, target, by `SPREAD_PERCENT`
-Ends = dict[str, dict[str, list[float]]]  # part, target: the first and the last of these
+Spread = dict[str, dict[str, list[float]]]  # part, target: percentiles `SPREAD_PERCENT`
+Ends = dict[str, dict[str, list[float]]]  # part, target: first and last of these
 
 
 def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
-    """The style of a clip, and what is read in its steady stretches by gait."""
+    """Return the style of a clip, and the readings of its steady stretches by gait."""
     with open_npz(path, "Run the importer again.") as clip:
         style = str(clip["style"])
         hips, local, contacts = clip["hips_positions"], clip["local_rotations"], clip["contacts"]
@@ -67,9 +67,9 @@ def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
     yaw = smoothed_facing(SPORT_SKELETON.forward_kinematics(hips, local)[0])
     velocity = np.gradient(smoothed(hips[:, [0, 2]], 0.5), axis=0) * FPS
     steady = _steady(yaw, velocity)
-    least = min(LEAST_STEADY_S * FPS, LEAST_STEADY_FRACTION * len(steady))
+    least = min(MIN_STEADY_S * FPS, MIN_STEADY_FRACTION * len(steady))
     if sum(part.stop - part.start for part in _stretches(steady)) < least:
-        steady = _steady(yaw, velocity, TWISTING_TIMES)
+        steady = _steady(yaw, velocity, TWISTING_FACTOR)
     found: dict[str, list[Reading]] = {}
     for gait in named:
         alone = len(named) == 1
@@ -80,7 +80,7 @@ def read_clip(path: Path) -> tuple[str, dict[str, list[Reading]]]:
 
 
 def _gaits_named(content: str) -> list[str]:
-    """The gaits that a content names; a crouched walk is a crouch."""
+    """Return the gaits named in a clip's content; a crouched walk is a crouch."""
     named = [gait for gait, words in _CONTENTS.items() if any(word in content for word in words)]
     return ["crouch"] if "crouch" in named else named
 
@@ -99,8 +99,8 @@ def _steady(yaw: Array, velocity: Array, times: float = 1.0) -> Flags:
 
 def _stretches(steady: Flags) -> Iterator[slice]:
     for first, last in stretches(steady):
-        if last - first >= SHORTEST_S * FPS:
-            yield slice(first, int(min(last, first + LONGEST_S * FPS)))
+        if last - first >= MIN_STRETCH_S * FPS:
+            yield slice(first, int(min(last, first + MAX_STRETCH_S * FPS)))
 
 
 def _read(
@@ -108,7 +108,7 @@ def _read(
 ) -> Iterator[Reading]:
     edits, targets = BodyEdits(), np.zeros(SHAPE[1:])
     targets[...] = ASKED_WEIGHT * np.array([1.0, -MAX_TARGET, MAX_TARGET])
-    targets[3:, len(ARM) :] = 0.0  # no places
+    targets[3:, len(ARM) :] = 0.0  # no target positions
     targets[2, len(TRUNK) :] = 0.0
     asked = targets.tolist()
     reach = _hand_ranges(hips, local)
@@ -116,14 +116,14 @@ def _read(
         request = EditRequest(asked, float(yaw[k]), (float(velocity[k, 0]), float(velocity[k, 1])), 0.0)
         edits.apply(hips[k], local[k], contacts[k].astype(float), request)
         if k >= LEAD_S * FPS and k % round(EVERY_S * FPS) == 0:
-            found = reading(edits, float(np.hypot(*velocity[k])) / NEUTRAL_SPEEDS[jogs])
+            found = reading(edits, float(np.hypot(*velocity[k])) / NEUTRAL_M_PER_S[jogs])
             for part, moved in reach.items():
                 found[part][HAND_RANGE] = moved
             yield found
 
 
 def _hand_ranges(hips: Array, local: Array) -> dict[str, float]:
-    """Metres from end to end in which each hand moves against its shoulder."""
+    """Return the range of motion of each hand relative to its shoulder, metres end to end."""
     positions, _ = SPORT_SKELETON.forward_kinematics(hips - hips * [1, 0, 1], local)
     found = {}
     for side in ("Left", "Right"):
@@ -137,7 +137,7 @@ def _hand_ranges(hips: Array, local: Array) -> dict[str, float]:
 
 
 def reading(edits: BodyEdits, pace: float) -> Reading:
-    """What the edits know of a body, by part and target."""
+    """Return the values that the edits measured, by part and target."""
     found = {
         part: {
             name: row.shown(edits, int(part.startswith("right")))
@@ -151,7 +151,7 @@ def reading(edits: BodyEdits, pace: float) -> Reading:
 
 
 def measured(clips: Path) -> dict[str, Any]:
-    """The file's tree of the clips in a folder; FileError where there is none."""
+    """Measure the clips in a folder; returns the content of the file. FileError if there are no clips."""
     paths = _chosen(clips)
     read: dict[str, dict[str, list[Reading]]] = defaultdict(lambda: defaultdict(list))
     for style, found in map(read_clip, paths):
@@ -161,7 +161,7 @@ def measured(clips: Path) -> dict[str, Any]:
 
 
 def tree_of(read: Mapping[str, Mapping[str, Sequence[Reading]]]) -> dict[str, Any]:
-    """The same of readings by style and gait."""
+    """Return the content of the file from readings by style and gait."""
     full = {s: {g: _spread(rows) for g, rows in gaits.items() if rows} for s, gaits in read.items()}
     plain = [row for style, gaits in read.items() if style.startswith(PLAIN) for row in gaits.get("walk", ())]
     _lean_as_several_captures(full)
@@ -170,7 +170,7 @@ def tree_of(read: Mapping[str, Mapping[str, Sequence[Reading]]]) -> dict[str, An
 
 
 def _lean_as_several_captures(styles: Mapping[str, Mapping[str, Spread]]) -> None:
-    """Let the neutral style lean as those of all captures, whose spines stand differently."""
+    """Set the lean of the neutral style to the quartiles over neutral captures, whose spines differ, in place."""
     for gait in ("walk", "jog"):
         neutral = [own for s, own in styles.items() if s.startswith(f"{PLAIN}_") and gait in own]
         if neutral and gait in styles.get(PLAIN, {}):
@@ -179,7 +179,7 @@ def _lean_as_several_captures(styles: Mapping[str, Mapping[str, Spread]]) -> Non
 
 
 def _chosen(clips: Path) -> list[Path]:
-    """Captured clips that go ahead, some of every style and content; FileError where there is none."""
+    """Select captured clips that move ahead, some of every style and content; FileError if there are none."""
     found: dict[tuple[str, str], list[Path]] = defaultdict(list)
     for path in sorted(clips.glob("*.npz")):
         if path.stem.startswith("layer_") or path.stem.endswith(("_m", "_t")):
@@ -189,12 +189,12 @@ def _chosen(clips: Path) -> list[Path]:
         if not any(word in content for word in _NOT_AHEAD):
             found[style, content].append(path)
     if not found:
-        raise FileError(f"{clips}: holds no clips (*.npz).", "Run `sport train import --data DIR --out DIR`.")
+        raise FileError(f"{clips}: no clips (*.npz).", "Run `sport train import --data DIR --out DIR`.")
     return [path for own in found.values() for path in own[:: -(-len(own) // CLIPS_OF_STYLE)]]
 
 
 def _spread(rows: Sequence[Reading]) -> Spread:
-    """Low end, median and high end of each target."""
+    """Return low end, median and high end of each target."""
     return {
         part: {name: _percentiles([row[part][name] for row in rows], SPREAD_PERCENT) for name in own}
         for part, own in rows[0].items()
@@ -202,7 +202,7 @@ def _spread(rows: Sequence[Reading]) -> Spread:
 
 
 def _percentiles(values: Sequence[float], percents: Sequence[float]) -> list[float]:
-    """Of values, to three digits."""
+    """Return percentiles of values, rounded to three digits."""
     return [
         float(f"{value:.3g}") if abs(value) < 100.0 else round(value)
         for value in np.percentile(values, percents).tolist()
@@ -214,13 +214,13 @@ def _ends(parts: Spread) -> Ends:
 
 
 def _usual(styles: Mapping[str, Mapping[str, Spread]]) -> dict[str, dict[str, list[float]]]:
-    """What trunks do in each gait that a style has."""
+    """Return the usual range of trunk targets in each gait."""
     found = {gait: _usual_in(gait, styles) for gait in GAITS}
     return {gait: own for gait, own in found.items() if own}
 
 
 def _usual_in(gait: str, styles: Mapping[str, Mapping[str, Spread]]) -> dict[str, list[float]]:
-    """Of walks what the neutral style does, of other gaits the quartiles of the styles' middles."""
+    """Return usual trunk ranges: for walks the neutral style's, for other gaits the quartiles of the styles' medians."""
     if gait == "walk" and PLAIN in styles:
         own = _ends(styles[PLAIN][gait])["torso"]
         return {name: own[name] for name in USUAL}
@@ -230,7 +230,7 @@ def _usual_in(gait: str, styles: Mapping[str, Mapping[str, Spread]]) -> dict[str
 
 
 def _phrases(styles: Mapping[str, Mapping[str, Spread]], usual: Spread) -> dict[str, Any]:
-    """By kind, target and phrase the range in every gait over the styles whose captions use the phrase, where they show it."""
+    """Return ranges by kind, target, phrase and gait over the styles whose captions use the phrase, if they show it."""
     found: dict[str, Any] = {}
     for (part, name, phrase), names in sorted(_using(set(styles)).items()):
         rows = [styles[style] for style in dict.fromkeys(names)]
@@ -243,7 +243,7 @@ def _phrases(styles: Mapping[str, Mapping[str, Spread]], usual: Spread) -> dict[
 
 
 def _using(styles: Collection[str]) -> dict[tuple[str, str, str], list[str]]:
-    """The styles whose captions use a phrase, by part, target and phrase; of limbs the left ones."""
+    """Return the styles whose captions use a phrase, by part, target and phrase; limbs as left ones."""
     using: dict[tuple[str, str, str], list[str]] = defaultdict(list)
     for style, part, text in _captions():
         if style in styles and not part.startswith("right_"):
@@ -254,12 +254,12 @@ def _using(styles: Collection[str]) -> dict[tuple[str, str, str], list[str]]:
 
 
 def _captions() -> Iterator[tuple[str, str, str]]:
-    """Style, part and text of the captions of captured styles."""
+    """Yield style, part and text of the captions of captured styles."""
     return captions_by_style(load_styles(asset_path("prompts/styles.json")))
 
 
 def _shows(range_: Sequence[float], usual: Sequence[float], by_hand: Sequence[float]) -> bool:
-    """Whether captures show a phrase: their range lies beyond what is usual, on the side that the words say."""
+    """Return whether captures show a phrase: their range exceeds the usual one in the direction of the words."""
     least, most = by_hand
     low, middle, high = usual
     if least <= middle <= most:
@@ -268,14 +268,14 @@ def _shows(range_: Sequence[float], usual: Sequence[float], by_hand: Sequence[fl
 
 
 def _over(ranges: Sequence[Sequence[float]]) -> list[float]:
-    """The ends of one style; of several the quartiles of their medians."""
+    """Return the range of one style; for several, the quartiles of their medians."""
     if len(ranges) < 2:
         return [ranges[0][0], ranges[0][-1]] if ranges else []
     return _percentiles([r[1] for r in ranges], QUARTILES_PERCENT)
 
 
 def disagreements(styles: Mapping[str, Any]) -> Iterator[str]:
-    """Lines of captions that say what their capture's walk is far from."""
+    """Yield lines on captions that differ much from their captured walk."""
     for style, part, text in dict.fromkeys(_captions()):
         own = styles.get(style, {}).get("walk", {}).get(part)
         if own is not None and not part.startswith("right_"):
@@ -288,7 +288,7 @@ def disagreements(styles: Mapping[str, Any]) -> Iterator[str]:
 def _far_off(
     part: str, name: str, phrase: str, values: Sequence[float], own: Mapping[str, Sequence[float]]
 ) -> str:
-    """What a capture shows in place of what a phrase says, "" where it is near."""
+    """Return the contradiction between a phrase and its capture, "" if they are close."""
     if name == HAND:
         far = own[HAND_RANGE][0] > values[-1] + FAR_OFF["swing"]
         return f"its hand moves by {own[HAND_RANGE]} m" if far else ""
@@ -304,10 +304,10 @@ def _far_off(
 
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description="Measure what phrases of captions mean.")
+    parser = argparse.ArgumentParser(description="Measure the numeric meaning of phrases in captions.")
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips")
     parser.add_argument(
-        "--disagreements", action="store_true", help="list captions that their capture does not show"
+        "--disagreements", action="store_true", help="list captions that contradict their capture"
     )
     args = parser.parse_args(argv)
     tree = measured(args.clips)

@@ -17,7 +17,7 @@ from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock, Support
 from runtime.feet.leg import leg_bones, leg_forward
 from runtime.motion.features import DT
-from runtime.motion.style import NEUTRAL_SPEEDS, Style
+from runtime.motion.style import NEUTRAL_M_PER_S, Style
 from runtime.prompts.edit_targets import (
     blended_targets,
     edit_targets,
@@ -238,7 +238,7 @@ def test_a_full_stick_is_as_slow_or_fast_as_is_said_of_the_legs(words: str, walk
     said = replace(PLAIN, left_leg=f"left {words}", right_leg=f"right {words}")
     style = Style(*[np.zeros((6, 64), np.float32)] * 4, walk, jog, edits=edit_targets(said))
     paces = edit_targets(said)[:2, 0, PACED]  # of walks and jogs: weight, least and most
-    for own, found, neutral, pace in zip((walk, jog), style.speeds, NEUTRAL_SPEEDS, paces, strict=True):
+    for own, found, neutral, pace in zip((walk, jog), style.speeds, NEUTRAL_M_PER_S, paces, strict=True):
         low, high = pace[1:] if pace[0] else (0.0, np.inf)
         assert found == pytest.approx(min(max(own, low * neutral), high * neutral))
     one = replace(style, edits=edit_targets(replace(PLAIN, left_leg=f"left {words}")))

@@ -315,7 +315,7 @@ def test_held_out_is_stable_and_never_the_only_example() -> None:
     assert "only" not in held
     assert {f"style{i}" for i in range(5)} == {style for name, style, _ in clips if name in held}
     train, tail = cutting.tail_split(100, 2000)
-    assert tail[0] - train[1] == cutting.GAP_SECONDS * 60
+    assert tail[0] - train[1] == cutting.GAP_S * 60
     assert (train[2], tail[2]) == ("train", "held_out")
 
 

@@ -15,8 +15,6 @@ from training.data.retarget import FOOT_OFFSET, calibrate_feet, heel_rise, load_
 from training.data.source_skeletons import SourceJoint, SourceSkeleton, standing_rotations
 from training.data.sources import recognise
 
-LEG = 0.8351
-
 
 def knees(positions: np.ndarray) -> np.ndarray:
     """Flexion in degrees `(T, 2)`."""

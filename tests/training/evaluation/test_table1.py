@@ -138,7 +138,7 @@ def test_rows_are_not_mixed_with_those_of_other_options(clips: Path, tmp_path: P
     ("more", "problem"),
     [
         ([], "no folder for the rows"),
-        (["--runs", "RUNS"], r"no clips of pfnn_rollouts, which the row terrain"),
+        (["--runs", "RUNS"], r"no clips of pfnn_rollouts, the training data of row terrain"),
         (["--runs", "RUNS", "--only", "pae", "--nice", "20"], "--nice 20: expected 0 to 19"),
         (["--runs", "RUNS", "--seeds", "0", "-1"], "--seeds -1"),
     ],
@@ -171,10 +171,10 @@ def test_a_store_of_other_options_is_not_mixed_in(tmp_path: Path, work: Work) ->
     words = ["--clips", str(tmp_path), "--store", str(store)]
     run(TABLE1, words, "table1")
     assert set(json.loads(store.read_text(encoding="utf-8"))["cells"]) == {CAPTURE, SHIPPED}
-    with pytest.raises(FileError, match="of these options"):
+    with pytest.raises(FileError, match="of other options"):
         run(TABLE1, [*words, "--quick"], "table1")
     store.write_text("[]", encoding="utf-8")
-    with pytest.raises(FileError, match="of these options"):
+    with pytest.raises(FileError, match="of other options"):
         run(TABLE1, words, "table1")
 
 

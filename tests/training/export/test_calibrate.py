@@ -67,8 +67,8 @@ def test_sides_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(rows) == len(edits)
     assert rows["left_arm.on_hip", "left_arm"]["lead"] == 0.4
     # training never saw the left one: whatever a walk shows, the right one is the better
-    assert rows["left_arm.behind_back", "left_arm"]["lead"] == -calibrate.UNTRAINED
-    assert rows["left_leg.dragging", "left_leg"]["lead"] == calibrate.UNTRAINED
+    assert rows["left_arm.behind_back", "left_arm"]["lead"] == -calibrate.UNTRAINED_FRACTION
+    assert rows["left_leg.dragging", "left_leg"]["lead"] == calibrate.UNTRAINED_FRACTION
     assert rows["torso.sway", "torso"]["lead"] == rows["legs.long", "left_leg"]["lead"] == rule["lead"] == 0.0
     assert ("legs.long", "right_leg") not in rows  # once for both legs
     assert rule["part"] == "head"

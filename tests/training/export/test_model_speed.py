@@ -44,7 +44,7 @@ def quantised(folder, frames, tmp_path_factory):
     path = tmp_path_factory.mktemp("quantised") / "model"
     shutil.copytree(folder, path)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("training.export.quantize.LIMIT", 1.0)
+        patch.setattr("training.export.quantize.MAX_RELATIVE_ERROR", 1.0)
         return path, quantize_model(path, frames=frames)
 
 
@@ -110,7 +110,7 @@ def test_what_is_sensitive_stays_in_full_precision(quantised):
 def test_where_8_bits_cost_too_much_the_last_product_stays_in_full_precision(
     folder, frames, quantised, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("training.export.quantize.LIMIT", 0.0)
+    monkeypatch.setattr("training.export.quantize.MAX_RELATIVE_ERROR", 0.0)
     copy = shutil.copytree(folder, tmp_path / "model")
     sections = quantised[1], quantize_model(copy, frames=frames)
     for path, section, kept in zip((quantised[0], copy), sections, ([], ["linear_0"]), strict=True):
@@ -165,7 +165,7 @@ def test_a_graph_of_an_older_export_cannot_be_quantised(folder, tmp_path):
 
 def test_the_command_measures_the_models_own_walks(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("training.export.quantize.COURSES", (("a proud queen", "circle", "walk", "flat"),))
-    monkeypatch.setattr("training.export.quantize.SECONDS", 1.0)
+    monkeypatch.setattr("training.export.quantize.WALK_S", 1.0)
     shutil.copytree(folder, tmp_path / "model")
     assert main([str(tmp_path / "model")]) == 0
     assert "relative_error" in capsys.readouterr().out

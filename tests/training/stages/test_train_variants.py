@@ -86,7 +86,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr(StatisticsReader, "measure", lambda self, joints: measure(self, joints[:256]))
         patch.setattr("training.stages.words._error", lambda *_: 0.0)  # of thousands of sentences, four times
         patch.setattr(quantize, "COURSES", (("a proud queen", "random", "jog", "flat"),))
-        patch.setattr(quantize, "SECONDS", 1.0)
+        patch.setattr(quantize, "WALK_S", 1.0)
         patch.setattr(pipeline, "measure_traversals", lambda folder: (folder / "traversed").touch())
         for name in ("estimate_variance", "measure_codes"):
             patch.setattr(stage_diffusion, name, functools.partial(getattr(stage_diffusion, name), batches=1))

@@ -1,1 +1,1 @@
-"""One file for each metric of the evaluation."""
+"""Metrics of the evaluation, one file each."""

@@ -1,4 +1,4 @@
-"""Which style a window of motion shows, by a classifier."""
+"""Style recognition: a classifier of motion windows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 
-# Styles that two data sets (or two performers of one) give nearly the same name; counted alike in the merged score.
+# Styles with nearly the same name in two data sets (or of two performers), equal in the merged score.
 MERGED: dict[str, str] = {
     "active2": "active",
     "angry_bn": "angry",
@@ -26,7 +26,7 @@ MIN_TRAINING_WINDOWS, MIN_HELD_OUT_WINDOWS = 40, 3
 
 
 def merged(label: str) -> str:
-    """The label under which look-alike styles count as one."""
+    """Return the common label of similar styles."""
     return MERGED.get(label, label)
 
 
@@ -48,25 +48,25 @@ class StyleClassifier:
 
     @property
     def labels(self) -> list[str]:
-        """Styles that it can tell."""
+        """Styles that it can recognise."""
         return [str(v) for v in self._pipeline.classes_]
 
     def predict(self, features: Array) -> list[str]:
-        """The most probable style of every row."""
+        """Return the most probable style of every row."""
         return [str(v) for v in self._pipeline.predict(features)] if len(features) else []
 
 
 def balanced(labels: Sequence[str], most: int, seed: int) -> NDArray[np.int64]:
-    """Rows with at most `most` of every label, drawn at random."""
+    """Draw rows at random, at most `most` of every label."""
     rng = np.random.default_rng(seed)
     array = np.asarray(labels)
     return np.concatenate([rng.permutation(np.flatnonzero(array == v))[:most] for v in np.unique(array)])
 
 
 def recognition(answers: Mapping[str, Sequence[str]]) -> dict[str, dict[str, Any]]:
-    """Scores of the classifier's answers for the windows of every style, by style.
+    """Score the classifier's answers for the windows of every style, by style.
 
-    How many `windows` there are, the fraction taken for their own style (`score`) or for one that looks like it
+    Returns the number of `windows`, the fraction recognised as their own style (`score`) or a similar one
     (`merged_score`), and the most frequent answer (`taken_for`).
     """
     given = {style: own for style, own in answers.items() if own}

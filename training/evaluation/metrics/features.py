@@ -1,4 +1,4 @@
-"""Features of windows of motion: what could be measured with a ruler and a clock, the motion encoder's, and sets of both."""
+"""Features of motion windows: kinematic and temporal ones, those of the motion encoder, and sets of both."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _BENDS = (
     ("LeftForeArm", "LeftArm", "LeftHand"),
     ("RightForeArm", "RightArm", "RightHand"),
 )
-# a bone and the angles of its direction forwards and sideways from the vertical
+# a bone, whose forward and sideways angles from the vertical are features
 _LEANS = (
     ("Hips", "Neck"),
     ("Neck", "Head"),
@@ -50,17 +50,17 @@ _LEANS = (
 _SWINGING = [
     SPORT_SKELETON.index(n) for n in ("LeftFoot", "RightFoot", "LeftHand", "RightHand", "Head", "Hips")
 ]
-_STILL_SPEED = 0.3  # m/s; a slower sole point near the ground is in contact
+_STILL_SPEED = 0.3  # m/s; slower points of the sole near the ground are in contact
 _RATE = FPS / WINDOW_STRIDE
 _HARMONICS = 4
 
 
 def kinematic_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array:
-    """Rows `(N, 234)` of the windows of 40 samples that begin at frames `starts`.
+    """Return features `(N, 234)` of the windows of 40 samples that begin at frames `starts`.
 
     Mean, deviation and range of 16 joints' positions relative to the root, mean and deviation of their speeds, mean,
     deviation and range of 16 joint and body angles, mean and deviation of the root's velocity and turn, and the
-    fraction of time that heels and toes stand.
+    fraction of time in which heels and toes are in contact.
     """
     index = window_index(starts)
     joints = root.joints[:, _JOINTS].reshape(len(root.joints), -1)[index]
@@ -79,7 +79,7 @@ def kinematic_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array
 
 
 def temporal_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array:
-    """Rows `(N, 88)`: sizes of the first four harmonics of feet, hands, head and hips, and of knees and elbows."""
+    """Return features `(N, 88)`: amplitudes of four harmonics of feet, hands, head and hips, knees and elbows."""
     index = window_index(starts)
     signals = np.concatenate(
         [root.joints[:, _SWINGING].reshape(len(root.joints), -1), _angles(root.joints)[:, : len(_BENDS)]],
@@ -91,7 +91,7 @@ def temporal_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array:
 
 
 def _angles(joints: Array) -> Array:
-    """Bends and leans `(T, 16)` in radians of root-relative joints `(T, 31, 3)`."""
+    """Return bends and leans `(T, 16)` in radians of root-relative joints `(T, 31, 3)`."""
     at = SPORT_SKELETON.index
     columns = []
     for middle, first, last in _BENDS:
@@ -105,7 +105,7 @@ def _angles(joints: Array) -> Array:
 
 
 def _standing(root: RootFeatures) -> Array:
-    """Whether the four points of the soles stand `(T, 4)`: near the ground and slow in the world."""
+    """Return whether the four points of the soles are in contact `(T, 4)`: near the ground and slow in the world."""
     points = root.joints[:, list(feet.SOLE_POINTS)].astype(np.float64)
     moved = np.gradient(points, axis=0) * FPS
     across, along, turn = (root.velocity[:, None, k] for k in range(3))
@@ -121,7 +121,7 @@ _BATCH = 128
 def encoded(
     encoder: ExportedMotionEncoder, root: RootFeatures, starts: NDArray[np.integer]
 ) -> tuple[Array, Array]:
-    """Mean and log variance `(N, 6, 64)` of the windows of 40 samples that begin at frames `starts`."""
+    """Return mean and log-variance `(N, 6, 64)` of the windows of 40 samples that begin at frames `starts`."""
     both = np.concatenate([root.joints, root.rotations], axis=-1)
     rows = [np.zeros((2, 0, 6, 64), np.float32)]
     for first in range(0, len(starts), _BATCH):
@@ -132,20 +132,20 @@ def encoded(
 
 
 def has_encoder(folder: Path) -> bool:
-    """Return whether a model folder holds the motion encoder."""
+    """Return whether a model folder contains the motion encoder."""
     return (folder / "motion.onnx").is_file()
 
 
-HOP = 10  # frames between the beginnings of two windows
+HOP = 10  # frames between the starts of two windows
 
 
 @dataclass(frozen=True)
 class WindowSet:
-    """Rows of windows: `unit` `(N,)` tells which half of which motion they lie in (see `frechet.compare`)."""
+    """Features of windows; `unit` `(N,)` identifies motion and half of each window (see `frechet.compare`)."""
 
     kinematic: Array  # (N, 234)
     temporal: Array  # (N, 88)
-    encoder: Array  # (N, 384), without rows where no encoder was given
+    encoder: Array  # (N, 384), empty without an encoder
     unit: NDArray[np.int64]
 
     def __len__(self) -> int:
@@ -157,12 +157,12 @@ class WindowSet:
         return np.concatenate([self.kinematic, self.temporal], axis=1)
 
     def of(self, name: str) -> Array:
-        """Rows of the feature set "encoder" or "kinematic"."""
+        """Return the features of the set "encoder" or "kinematic"."""
         return self.encoder if name == "encoder" else self.kinematic
 
     @staticmethod
     def stack(sets: Sequence[WindowSet], units: Sequence[NDArray[np.int64]]) -> WindowSet:
-        """All rows of several sets with new units; an empty set where there is none."""
+        """Concatenate several sets with new units; no sets give an empty one."""
         sets = [EMPTY, *sets]
         return WindowSet(
             np.concatenate([s.kinematic for s in sets]),
@@ -182,7 +182,7 @@ def window_set(
     hop: int = HOP,
     under_body: bool = False,
 ) -> WindowSet:
-    """Windows `hop` frames apart of every motion; heights as in `Motion.root_features`."""
+    """Compute features of windows `hop` frames apart of every motion; heights as in `Motion.root_features`."""
     sets = []
     for number, motion in enumerate(motions):
         starts = window_starts(len(motion), hop)
@@ -196,8 +196,8 @@ def window_set(
 
 
 def halves(number: int, frames: int, starts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Units of the windows of motion `number` (see `frechet.compare`): a half holds whole windows only; a short motion has
-    but one half.
+    """Return the units of the windows of motion `number` (see `frechet.compare`). Halves contain whole windows only; a short
+    motion has a single half.
     """
     middle = frames // 2
     if middle < WINDOW_FRAMES:
@@ -207,7 +207,7 @@ def halves(number: int, frames: int, starts: NDArray[np.int64]) -> NDArray[np.in
 
 
 def joined(sets: Iterable[WindowSet]) -> WindowSet:
-    """All windows of several sets; their takes stay apart, and so do their pairs of takes."""
+    """Concatenate several sets, with distinct takes and pairs of takes."""
     listed, units, offset = list(sets), [], 0  # in takes
     for unit in (s.unit for s in listed):
         units.append(np.where(unit < 0, unit - offset, unit + 2 * offset))

@@ -1,4 +1,4 @@
-"""Feet: the paper's skating (Sec. IV-B2) at toe joints and at soles, and how deep they sink or how high they float."""
+"""Foot metrics: the paper's skating (Sec. IV-B2) at toe joints and soles, and sinking and floating."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 
 GAITS = {"walk": Gait.WALK, "jog": Gait.JOG}
-# at toe joints, the paper's formula; at soles under the toes (joints less their resting height); mean of these and of the
-# soles under heels (ankle joints less theirs)
+# at toe joints, the paper's formula; at soles under the toes (joints minus resting height); mean of the latter and of
+# soles under heels (ankle joints minus resting height)
 SKATING = ("toes", "toe_soles", "soles")
 
 
 def foot_skating(positions: Array, terrain: Terrain, chosen: NDArray[np.bool_] | None = None) -> Array:
-    """s_f (Sec. IV-B2) by `SKATING` `(n, 3)` of the frames `chosen` `(T,)` of world joints `(T, 31, 3)`, cm, mean of both feet.
+    """Return s_f (Sec. IV-B2) by `SKATING` `(n, 3)`, cm, mean of both feet, of world joints `(T, 31, 3)`.
 
-    By default of all frames; the first has no speed and never counts.
+    `chosen` `(T,)` selects frames, by default all; the first frame has no speed and is excluded.
     """
     toes = feet.skating(positions, terrain)
     toe_soles = feet.skating(positions, terrain, feet.TOES, TOE_HEIGHT)
@@ -32,20 +32,20 @@ def foot_skating(positions: Array, terrain: Terrain, chosen: NDArray[np.bool_] |
 
 
 def skating_means(parts: Iterable[Array]) -> dict[str, float]:
-    """Means over the frames of several `foot_skating`, NaN without frames, and how many `frames` there are."""
+    """Return means over the frames of several `foot_skating` results, NaN without frames, and the number of `frames`."""
     values = np.concatenate([np.zeros((0, len(SKATING))), *parts])
     means = values.mean(0) if len(values) else np.full(len(SKATING), np.nan)
     return {**dict(zip(SKATING, means.tolist(), strict=True)), "frames": len(values)}
 
 
 def terrain_feet(positions: Array, terrain: Terrain) -> dict[str, float]:
-    """Sinking and floating of world joints `(T, 31, 3)`: percentiles in cm over all frames.
+    """Return sinking and floating of world joints `(T, 31, 3)`: percentiles in cm over all frames.
 
-    `sunk_joint` are toe and ankle joints under the ground, `sunk_sole` the four points of the soles (joints less their
-    resting height), `float` the lowest of these over the ground. The resting heights hold for a foot that stands flat on
-    level ground; on a slope or over an edge a point of the sole may read a few centimetres off although the foot stands
-    well, so compare with captured motion only.
-    In walking at least one foot stands, so the lowest of the four points should lie on the ground; jogging flies.
+    `sunk_joint` is the depth of toe and ankle joints below the ground, `sunk_sole` that of the four points of the soles
+    (joints minus resting height), `float` the height of the lowest of these. Resting heights are valid for a flat foot on
+    level ground; on a slope or an edge the points of a well-placed foot may be a few centimetres off, so compare only with
+    captured motion.
+    In walking at least one foot stands, so the lowest point should be on the ground; jogging has flight phases.
     """
     heights = 100.0 * feet.joint_heights(positions, terrain, feet.SOLE_POINTS)
     soles = heights - 100.0 * np.array(feet.SOLE_HEIGHTS)

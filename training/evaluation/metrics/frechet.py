@@ -1,4 +1,4 @@
-"""Frechet motion distance: how far two sets of windows lie apart as Gaussians over features (FMD, Sec. IV-B)."""
+"""Frechet motion distance (FMD, Sec. IV-B): distance between two sets of windows as Gaussians over features."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 
-SEEDS = 10  # random halves and draws that are averaged
-MAX_WINDOWS = 4000  # a side
+SEEDS = 10  # random halves and draws to average
+MAX_WINDOWS = 4000  # per side
 
 
 def frechet_distance(a: Array, b: Array) -> float:
-    """|mu_a - mu_b|^2 + tr(S_a + S_b - 2 (S_a S_b)^(1/2)) of feature rows `(N, d)` and `(M, d)`.
+    """Return |mu_a - mu_b|^2 + tr(S_a + S_b - 2 (S_a S_b)^(1/2)) of feature rows `(N, d)` and `(M, d)`.
 
-    It is biased upwards by 1/N and 1/M: compare only distances that were taken with equal numbers of rows.
+    It is biased upwards by 1/N and 1/M: compare only distances with equal numbers of rows.
     """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     if len(a) < 2 or len(b) < 2:
@@ -33,44 +33,43 @@ def frechet_distance(a: Array, b: Array) -> float:
 
 @dataclass(frozen=True)
 class Projection:
-    """Features to fewer principal components, measured once on captured windows."""
+    """Projection of features to principal components of captured windows."""
 
     mean: Array  # (d,)
-    axes: Array  # (d, k), with the standardisation in it
+    axes: Array  # (d, k), including the standardisation
 
     @staticmethod
     def fit(features: Array, components: int, standardise: bool) -> Projection:
-        """Principal axes of rows `(N, d)`; `standardise` brings every feature to unit deviation first."""
+        """Compute principal axes of rows `(N, d)`; `standardise` scales every feature to unit deviation first."""
         mean = features.mean(0)
         scale = features.std(0) if standardise else np.ones(features.shape[1])
-        scale = np.where(scale > 1e-6, scale, np.inf)  # a feature that never changes tells nothing
+        scale = np.where(scale > 1e-6, scale, np.inf)  # a constant feature has no information
         _, vectors = np.linalg.eigh(np.cov(((features - mean) / scale).T.astype(np.float64)))
         kept = vectors[:, ::-1][:, :components]
         return Projection(mean, kept / scale[:, None])
 
     def __call__(self, features: Array) -> Array:
-        """Rows `(N, d)` to `(N, k)`."""
+        """Project rows `(N, d)` to `(N, k)`."""
         return (features - self.mean) @ self.axes
 
 
-# `distance` of generated to captured windows, its `reference` (one half of the capture to the other), their `ratio`, and
-# the number of `windows` a side
+# `distance` between generated and captured windows, `reference` between halves of the capture, their `ratio`, and the
+# number of `windows` per side
 Distances = dict[str, Any]
 
 
 def compare(
     generated: Array, captured: Array, units: Sequence[int] | NDArray[np.integer], seed: int = 0
 ) -> Distances:
-    """Compare rows `(N, k)` with rows `(M, k)`, as means over `SEEDS` random cuts of the capture into two halves.
+    """Compare rows `(N, k)` with rows `(M, k)`; results are means over `SEEDS` random splits of the capture into two halves.
 
-    Every take is cut in the middle: the same performance, a few seconds apart. `takes` holds the same with every take whole
-    on one side or the other: what another performance of the same style is worth.
+    Every take is cut in the middle, into halves of the same performance. The entry `takes` is the same with whole takes
+    on either side, so the reference is the distance between performances of the same style.
 
-    `units` `(M,)` are 2 s in the first and 2 s + 1 in the second half of take s, and -1 - s in windows that reach over its
-    middle, which are left out where takes are cut. Takes 2 p and 2 p + 1 are much alike (neighbours in speed): of such a
-    pair one goes to either side, so that both sides hold the same mix of gaits. No frame is on both sides. The
-    reference is the distance between n windows of either side; the distance that of n generated windows to n captured
-    ones of both sides.
+    `units` `(M,)` are 2 s in the first and 2 s + 1 in the second half of take s, and -1 - s in windows across its middle,
+    which are excluded when takes are cut. Takes 2 p and 2 p + 1 are similar (neighbours in speed), and one of them goes to
+    each side, so that both sides have the same mix of gaits. No frame is on both sides. The reference is the distance
+    between n windows of each side; the distance that between n generated and n captured windows of both sides.
     """
     rng = np.random.default_rng(seed)
     unit = np.asarray(units)
@@ -94,7 +93,7 @@ def _draw(
     second: NDArray[np.bool_],
     rng: np.random.Generator,
 ) -> tuple[float, float, int] | None:
-    """Distance, reference and windows a side of one cut, as many as the smaller side has; None for fewer than two."""
+    """Return distance, reference and windows per side of one split, limited by the smaller side; None for fewer than two."""
     sides = np.flatnonzero(first), np.flatnonzero(second)
     n = min(*(len(side) for side in sides), len(generated), MAX_WINDOWS)
     if n < 2:
@@ -106,7 +105,7 @@ def _draw(
 
 
 def _mean(cuts: Sequence[tuple[float, float, int] | None]) -> Distances:
-    """Of the cuts that gave two sides."""
+    """Return the means over the valid splits."""
     found = [cut for cut in cuts if cut is not None] or [(float("nan"), float("nan"), 0)]
     distance, reference, _ = np.mean(found, axis=0).tolist()
     ratio = distance / reference if reference > 0 else float("nan")

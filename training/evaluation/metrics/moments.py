@@ -1,8 +1,8 @@
-"""What a body does in the first and the last second of everything: starts, stops, turns and jumps, from world positions.
+"""Measures of transitions from world positions: starts, stops, turns and jumps.
 
-Points are world positions `(T, 3)` by the keys of `training.data.gait` at 60 frames a second, in a body with 0.82 m legs;
-speeds are m/s, angles degrees. The measures know nothing of how the program moves a character, so that raw capture is
-measured alike.
+Points are world positions `(T, 3)` by the keys of `training.data.gait` at 60 frames per second, of a body with 0.82 m legs;
+speeds are m/s, angles degrees. The measures are independent of the program's controller, so that raw capture can be
+measured too.
 """
 
 from __future__ import annotations
@@ -24,30 +24,29 @@ from training.data.foot_cleaning import stretches
 from training.data.gait import GaitJoints, angle
 
 FPS = 60
-STANDING_SPEED_M_PER_S = 0.08  # m/s of the smoothed hips: slower is standing
-CALM_LIMBS_M_PER_S = 0.25  # m/s of head, wrists and knees against the hips
-REACHED_SPEED_FRACTION = 0.9  # of the steady speed
-MIN_POP_DEG_PER_FRAME2 = 6.0  # degrees a frame squared: a captured knee has none
-POP_FRAMES = 6  # frames; nearer ones are one pop
-HIPS_SIGMA_FRAMES, YAW_SIGMA_FRAMES = 6, 2  # frames, of a Gaussian
-BEGIN_FRAMES = round(1.5 * FPS)  # frames of a start or turn
-BEFORE_STOP_S = 1.5  # seconds of steady going before a stop
-SETTLED_FRAMES = FPS  # frames after which a standing body is at rest
-NEAR_GROUND_M = 0.01  # m over a toe's resting height
-MIN_TURN_DEG_PER_S = 60.0  # degrees a second: slower hips do not turn, they swing
-IN_AIR_M = 0.04  # m of both toes over their resting height
+STANDING_SPEED_M_PER_S = 0.08  # of the smoothed hips: slower is standing
+CALM_LIMBS_M_PER_S = 0.25  # of head, wrists and knees relative to the hips
+REACHED_SPEED_FRACTION = 0.9  # of the steady speed, which ends a start
+MIN_POP_DEG_PER_FRAME2 = 6.0  # captured knees have no pops
+POP_FRAMES = 6  # nearer ones are the same pop
+HIPS_SIGMA_FRAMES, YAW_SIGMA_FRAMES = 6, 2  # of Gaussians
+BEGIN_FRAMES = round(1.5 * FPS)  # duration of a start or turn
+BEFORE_STOP_S = 1.5  # of steady movement before a stop
+SETTLED_FRAMES = FPS  # after which a standing body is at rest
+NEAR_GROUND_M = 0.01  # above a toe's resting height
+MIN_TURN_DEG_PER_S = 60.0  # of the hips: slower rotation is swing
+IN_AIR_M = 0.04  # of both toes above their resting height
 LIMBS = ("lw", "rw", "head", "lk", "rk")
 Points = dict[str, Array]
 
 
-# what happens in a segment of the stick: its `kind` ("start", "stop", "turn", "spin" (a turn on the spot), "change" (of
-# gait), "steady", "stand", "jump"), the `gait` that is started, stopped or gone in ("half walk" with half of the stick), its
-# `first` and last frame (`end`) and its `figures`
+# a segment of the stick script: `kind` ("start", "stop", "turn", "spin" (a turn on the spot), "change" (of gait), "steady",
+# "stand", "jump"), its `gait` ("half walk" at half deflection), `first` and last frame (`end`), and `figures`
 Moment = dict[str, Any]
 
 
 def read_points(path: Path) -> Points:
-    """Joints of a BVH of any known skeleton, resampled to 60 frames a second."""
+    """Read joints of a BVH of any known skeleton, resampled to 60 frames per second."""
     joints = GaitJoints.of(read_bvh(path))
     count = len(joints.points["hips"])
     if abs(joints.fps - FPS) < 1.0:
@@ -63,42 +62,42 @@ def read_points(path: Path) -> Points:
 
 
 def speed(points: Array) -> Array:
-    """Speed `(T,)` in m/s of points `(T, 2)` or `(T, 3)`."""
+    """Return the speed `(T,)` in m/s of points `(T, 2)` or `(T, 3)`."""
     return np.asarray(np.linalg.norm(np.gradient(points, axis=0) * FPS, axis=-1))
 
 
 def hips_speed(p: Points) -> Array:
-    """Speed of the hips over the ground, smoothed over 0.1 s."""
+    """Return the horizontal speed of the hips, smoothed over 0.1 s."""
     return np.asarray(gaussian_filter1d(speed(p["hips"][:, [0, 2]]), HIPS_SIGMA_FRAMES))
 
 
 def hips_turn(p: Points) -> Array:
-    """Degrees a second at which the line across the hips turns, without sign."""
+    """Return the absolute yaw rate of the hip line, degrees per second."""
     across = p["lh"] - p["rh"]
     yaw = np.degrees(np.unwrap(np.arctan2(-across[:, 2], across[:, 0])))
     return np.abs(np.gradient(gaussian_filter1d(yaw, YAW_SIGMA_FRAMES))) * FPS
 
 
 def bend(p: Points, joint: str, upper: str, lower: str) -> Array:
-    """Flexion of a joint between two others, degrees `(T,)`."""
+    """Return the flexion of a joint between two others, degrees `(T,)`."""
     return angle(p[joint] - p[upper], p[lower] - p[joint])
 
 
 def pops(flexion: Array) -> NDArray[np.intp]:
-    """Frames at which a flexion `(T,)` bends its course by more than `MIN_POP_DEG_PER_FRAME2`: the first of each pop."""
+    """Return the first frame of each pop: second difference of a flexion `(T,)` above `MIN_POP_DEG_PER_FRAME2`."""
     found = np.flatnonzero(np.abs(np.diff(flexion, n=2)) > MIN_POP_DEG_PER_FRAME2) + 1
     return found[np.diff(found, prepend=-1 - POP_FRAMES) > POP_FRAMES]
 
 
 def joint_pops(p: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Frames of the pops of both knees, and of both elbows."""
+    """Return the frames of pops of both knees, and of both elbows."""
     knees = [pops(bend(p, s + "k", s + "h", s + "a")) for s in "lr"]
     elbows = [pops(bend(p, s + "e", s + "s", s + "w")) for s in "lr"]
     return np.sort(np.concatenate(knees)), np.sort(np.concatenate(elbows))
 
 
 def toe_heights(p: Points, resting: NDArray[np.bool_]) -> Array:
-    """Heights of both toe joints `(T, 2)` over their median in `resting` frames `(T,)`; without columns if unknown."""
+    """Return heights of both toe joints `(T, 2)` above their median in `resting` frames `(T,)`; no columns if unknown."""
     if "lt" not in p or not resting.any():
         return np.zeros((len(p["hips"]), 0))
     heights = np.stack([p["lt"][:, 1], p["rt"][:, 1]], -1)
@@ -106,16 +105,16 @@ def toe_heights(p: Points, resting: NDArray[np.bool_]) -> Array:
 
 
 def paths_near_ground(toe: Array, height: Array) -> list[float]:
-    """Centimetres that a toe `(T, 3)` travels over the ground in each stay within `NEAR_GROUND_M` of its resting height."""
+    """Return the horizontal path length in cm of a toe `(T, 3)` in each period within `NEAR_GROUND_M` of its resting height."""
     steps = np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1)
     return [100.0 * float(steps[a : b - 1].sum()) for a, b in stretches(height < NEAR_GROUND_M)]
 
 
 class Curves:
-    """The curves of a clip, and the figures of what happens between two of its frames."""
+    """Curves of a clip, and figures of events between two of its frames."""
 
     def __init__(self, p: Points, resting: NDArray[np.bool_] | None = None) -> None:
-        """`resting` `(T,)`: when the body stands; by default while its hips do."""
+        """`resting` `(T,)`: frames in which the body stands; by default those with slow hips."""
         self.p, self.hips, self.turn = p, hips_speed(p), hips_turn(p)
         up = p["neck"] - p["hips"]
         self.tilt = np.degrees(np.arctan2(np.linalg.norm(up[:, [0, 2]], axis=-1), up[:, 1]))
@@ -138,7 +137,7 @@ class Curves:
         } | self._toe_paths(begin)
 
     def stop_figures(self, first: int, end: int, until: int | None = None) -> dict[str, float]:
-        """Measure a stop from a speed, steady `until` a frame, to rest; the last two frames see what comes next."""
+        """Measure a stop to rest, from a speed that is steady `until` a frame; later motion affects the last two frames."""
         stopped = np.flatnonzero(self.hips[first:end] < STANDING_SPEED_M_PER_S)
         stop = float(stopped[0]) / FPS if len(stopped) else float("inf")
         busy = np.flatnonzero(self.limbs[first : end - 2] > CALM_LIMBS_M_PER_S)
@@ -153,12 +152,12 @@ class Curves:
         }
 
     def turn_figures(self, first: int, end: int) -> dict[str, float]:
-        """The fastest moment of a turn."""
+        """Measure the highest yaw rate of a turn."""
         fastest, tilt = float(self.turn[first:end].max()), float(self.tilt[first:end].max())
         return {"turn": fastest, "tilt": tilt} | self._toe_paths(slice(first, min(end, first + BEGIN_FRAMES)))
 
     def jump_figures(self, first: int, end: int) -> dict[str, float]:
-        """When both toes leave the ground, and how far the hips rise."""
+        """Measure the time until both toes leave the ground, and the rise of the hips."""
         known = self.toes.shape[1] > 0
         air = np.flatnonzero((self.toes[first:end] > IN_AIR_M).all(-1) & known)
         height = self.p["hips"][:, 1]
@@ -169,7 +168,7 @@ class Curves:
         }
 
     def _toe_paths(self, w: slice) -> dict[str, float]:
-        """The 90th percentile of `paths_near_ground` in a window."""
+        """Return the 90th percentile of `paths_near_ground` in a window."""
         toes = zip(("lt", "rt"), self.toes.T, strict=False)
         paths = [path for key, heights in toes for path in paths_near_ground(self.p[key][w], heights[w])]
         return {"toe_path_cm": float(np.percentile(paths, 90))} if paths else {}
@@ -179,7 +178,7 @@ class Curves:
 
 
 def moments(p: Points, script: StickScript) -> list[Moment]:
-    """Every segment of the stick with its figures."""
+    """Measure every segment of the stick script."""
     curves = Curves(p, _resting(script, len(p["hips"])))
     of = {
         "start": curves.start_figures,
@@ -196,7 +195,7 @@ def moments(p: Points, script: StickScript) -> list[Moment]:
 
 
 def _segments(script: StickScript, frames: int) -> Iterator[tuple[str, str, int, int]]:
-    """Kind, gait, first frame and end of every segment that lies within the clip."""
+    """Yield kind, gait, first frame and end of every segment within the clip."""
     first, before = 0, StickSegment(Gait.STAND, 1.0)
     for segment in script.segments:
         end = min(first + round(segment.seconds * FPS), frames)
@@ -231,7 +230,7 @@ def _rests(segment: StickSegment) -> bool:
 
 
 def _resting(script: StickScript, frames: int) -> NDArray[np.bool_]:
-    """Frames in which a body stands; all of them where the stick never rests for long."""
+    """Return the frames in which the body stands; all frames if the stick never rests for long."""
     result = np.zeros(frames, bool)
     for kind, _, first, end in _segments(script, frames):
         if kind in ("stand", "stop", "spin"):
@@ -240,7 +239,7 @@ def _resting(script: StickScript, frames: int) -> NDArray[np.bool_]:
 
 
 def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
-    """Pops of knees and elbows a minute without jumps, and in jumps; toes under their resting height, cm (0.1th percentile)."""
+    """Measure knee and elbow pops per minute outside and in jumps, and toe height above resting, cm (0.1th percentile)."""
     jumps = np.zeros(len(p["hips"]), bool)
     for kind, _, first, end in _segments(script, len(jumps)):
         jumps[first:end] |= kind == "jump"
@@ -255,18 +254,18 @@ def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
     return result
 
 
-# --- raw capture, whose stick is unknown -----------------------------------------------------------------------------
+# --- raw capture, without a stick script ------------------------------------------------------------------------------
 
 
 def raw_start(p: Points) -> dict[str, float]:
-    """Measure a take that begins at rest and goes: from the first frame that moves to 90 % of the steady speed."""
+    """Measure the start in a take that begins at rest: from the first movement to 90 % of the steady speed."""
     curves, steady, reached = _going(p)
     begins = np.flatnonzero(curves.hips[: reached[0] + 1] < STANDING_SPEED_M_PER_S)
     return curves.start_figures(int(begins[-1]) if len(begins) else 0, len(curves.hips), steady)
 
 
 def raw_stop(p: Points) -> dict[str, float]:
-    """Measure a take that goes and ends at rest: from the last frame at 90 % of the steady speed to the first that stands."""
+    """Measure the stop in a take that ends at rest: from the last frame at 90 % of the steady speed to standing."""
     curves, _, reached = _going(p)
     last = int(reached[-1])
     stands = (curves.hips[last:] < STANDING_SPEED_M_PER_S).any()
@@ -274,26 +273,26 @@ def raw_stop(p: Points) -> dict[str, float]:
 
 
 def _going(p: Points) -> tuple[Curves, float, NDArray[np.intp]]:
-    """The curves of a take, its steady speed, and the frames that reach 90 % of it."""
+    """Return the curves of a take, its steady speed, and the frames that reach 90 % of it."""
     curves = Curves(p)
     steady = float(np.median(curves.hips[curves.hips > 0.5 * curves.hips.max()]))
     return curves, steady, np.flatnonzero(curves.hips > REACHED_SPEED_FRACTION * steady)
 
 
 def raw_turns(p: Points) -> dict[str, float]:
-    """The 90th percentile of the fastest moments of all turns of the hips in a take, one a second at most."""
+    """Return the 90th percentile of peak yaw rates over all turns of the hips in a take, at most one per second."""
     turn = hips_turn(p)
     peaks, _ = find_peaks(turn, height=MIN_TURN_DEG_PER_S, distance=FPS)
     return {"turn": float(np.percentile(turn[peaks], 90))} if len(peaks) else {}
 
 
 def raw_pops(p: Points) -> dict[str, float]:
-    """Pops of knees and elbows a minute."""
+    """Return knee and elbow pops per minute."""
     minutes = len(p["hips"]) / FPS / 60.0
     knees, elbows = joint_pops(p)
     return {"knee_pops": len(knees) / minutes, "elbow_pops": len(elbows) / minutes}
 
 
 def raw_jumps(p: Points) -> dict[str, float]:
-    """Pops of knees and elbows a minute in a take that is full of jumps."""
+    """Return knee and elbow pops per minute of a take with continuous jumps."""
     return {f"{key}_in_jumps": value for key, value in raw_pops(p).items()}

@@ -1,4 +1,4 @@
-"""A character that is led over obstacles: depth, clearance, beam, hands on the edge, pace, flight."""
+"""Measures of obstacle traversals: penetration, clearance, beam contacts, hands on edges, pace, flight."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from training.data.foot_cleaning import stretches
 
 Mask = NDArray[np.bool_]
 
-MARGIN_M = 0.5  # before and behind an obstacle that counts as its traversal
-TOLERANCE_M = 0.005  # that is not yet inside
+MARGIN_M = 0.5  # before and behind an obstacle, included in its traversal
+TOLERANCE_M = 0.005  # smaller depths do not count as penetration
 DEEP_M = 0.03
-# Of a path that passes every check: the deepest sole, joint and limb, and the acceleration of a joint; captured jogs
-# come to 470.
+# Limits for a path that passes every check: depth of soles, joints and limbs, and joint acceleration; captured jogs
+# reach 470.
 DEEPEST_SOLE_M, DEEPEST_JOINT_M, DEEPEST_LIMB_M = 0.02, 0.015, 0.035
-MAX_ACCELERATION_M_PER_S2 = 600.0  # m/s^2
-# A figure that glides in one pose, or stands where it should walk: its feet hardly move relative to the root. In a walk
-# they do so with about the speed of the root.
+MAX_ACCELERATION_M_PER_S2 = 600.0
+# Detects figures that glide in one pose, or stand instead of walking: their feet hardly move relative to the root. In a
+# walk they do so at about the speed of the root.
 FROZEN_FRACTION = 0.25  # of the requested speed, mean over a second
 HANDS = (22, 29)
-HAND_REACH_M, HAND_M_PER_S = 0.10, 0.3  # of a hand that holds an edge: metres to it, m/s
-OFF_BEAM_M = 0.1  # under the beam's top: a foot that stands so low has left it
-FLIGHT_M, FLIGHT_S = 0.03, 0.08  # both soles so high over the ground below or the last hold, for so long
+HAND_REACH_M, HAND_M_PER_S = 0.10, 0.3  # distance and speed of a hand that holds an edge
+OFF_BEAM_M = 0.1  # below the beam's top: a foot standing this low is off the beam
+FLIGHT_M, FLIGHT_S = 0.03, 0.08  # height of both soles above ground or last support, and duration
 
 
 def traversal_frames(xz: Array, obstacle: Obstacle) -> Mask:
-    """Frames `(T,)` in which a root `(T, 2)` is on an obstacle or within `MARGIN_M` of it."""
+    """Return frames `(T,)` in which a root `(T, 2)` is on an obstacle or within `MARGIN_M` of it."""
     along = (xz[:, 1] > obstacle.begin - MARGIN_M) & (xz[:, 1] < obstacle.end + MARGIN_M)
     return along & (np.abs(xz[:, 0]) < obstacle.half_width + MARGIN_M)
 
 
 def depths(positions: Array, terrain: Terrain, traversal: Mask) -> dict[str, float]:
-    """Depth of soles (vertical), joints and limbs in the ground over the frames `traversal`, cm and fractions of them."""
+    """Measure penetration of soles (vertical), joints and limbs over the frames `traversal`: cm, and fractions of frames."""
     chosen = positions[traversal]
     if not len(chosen):
         return {}
@@ -61,9 +61,9 @@ def depths(positions: Array, terrain: Terrain, traversal: Mask) -> dict[str, flo
 def first_problem(
     positions: Array, ground: Terrain, most_acceleration: float = MAX_ACCELERATION_M_PER_S2
 ) -> str:
-    """The first check that a motion of world joints `(T, 31, 3)` does not pass; empty where it passes all.
+    """Return the first check that a motion of world joints `(T, 31, 3)` fails, or "".
 
-    Soles, joints and limbs under the surface, by the shortest way out, and the acceleration of any joint, m/s^2.
+    Checks are the depth of soles, joints and limbs (shortest way out of the ground), and joint acceleration, m/s^2.
     """
     positions = positions.astype(np.float64)
     if depth_inside(_soles(positions), ground).max() > DEEPEST_SOLE_M:
@@ -77,9 +77,9 @@ def first_problem(
 
 
 def clearances(positions: Array, obstacles: Sequence[Obstacle]) -> list[float]:
-    """Least height (cm) of each foot's sole over each obstacle's top while it is over it; low is bad, 0 stands on it.
+    """Return the minimum height (cm) of each foot's sole above the top of each obstacle, while over it; 0 stands on it.
 
-    Obstacles that a foot never was over are left out.
+    Obstacles that a foot never passes over are omitted.
     """
     soles = _soles(positions)
     result = []
@@ -91,14 +91,14 @@ def clearances(positions: Array, obstacles: Sequence[Obstacle]) -> list[float]:
 
 
 def _soles(positions: Array) -> Array:
-    """The four points of the soles `(T, 4, 3)`: heels and toes less their resting heights."""
+    """Return the four points of the soles `(T, 4, 3)`: heels and toes minus their resting heights."""
     soles = positions[:, feet.SOLE_POINTS].astype(np.float64)
     soles[..., 1] -= feet.SOLE_HEIGHTS
     return soles
 
 
 def beam_contacts(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> tuple[int, int]:
-    """Contacts on a beam and contacts off it, of points of the feet between its ramps."""
+    """Count contacts on a beam and off it, of points of the feet between its ramps."""
     soles = _soles(positions)
     between = _between(soles, beam, ramp_m) & (contacts > 0.5)
     on = between & (np.abs(soles[..., 0]) <= beam.half_width)
@@ -106,7 +106,7 @@ def beam_contacts(positions: Array, contacts: Array, beam: Obstacle, ramp_m: flo
 
 
 def falls(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> int:
-    """Count how often both feet stand, or the only standing one stands, under a beam between its ramps."""
+    """Count how often all standing feet are below the top of a beam, between its ramps."""
     soles = _soles(positions)
     stands = (contacts > 0.5) & _between(soles, beam, ramp_m)
     low = soles[..., 1] < beam.top - OFF_BEAM_M
@@ -119,7 +119,7 @@ def _between(soles: Array, beam: Obstacle, ramp_m: float) -> Mask:
 
 
 def hands_on_edge(positions: Array, walls: Sequence[Obstacle]) -> list[float]:
-    """Seconds that both hands rest on the near edge of each wall at once."""
+    """Return the time in seconds for which both hands rest on the near edge of each wall."""
     hands = positions[:, list(HANDS)].astype(np.float64)
     speed = np.linalg.norm(np.gradient(hands, axis=0), axis=-1) * FPS
     result = []
@@ -131,9 +131,9 @@ def hands_on_edge(positions: Array, walls: Sequence[Obstacle]) -> list[float]:
 
 
 def seconds_over(xz: Array, obstacle: Obstacle) -> tuple[float, float] | None:
-    """Seconds from `MARGIN_M` before an obstacle to `MARGIN_M` behind it, and the lowest speed (m/s, over half a second).
+    """Return the time from `MARGIN_M` before an obstacle to `MARGIN_M` behind it, and the lowest speed (m/s, over half a second).
 
-    None where the root does not get over it.
+    None if the root does not get over it.
     """
     entered = np.flatnonzero(xz[:, 1] > obstacle.begin - MARGIN_M)
     left = np.flatnonzero(xz[:, 1] > obstacle.end + MARGIN_M)
@@ -147,7 +147,7 @@ def seconds_over(xz: Array, obstacle: Obstacle) -> tuple[float, float] | None:
 
 
 def on_top_after(positions: Array, wall: Obstacle) -> float | None:
-    """Seconds from `MARGIN_M` before a wall until both feet are over its top; None where they never are."""
+    """Return the time from `MARGIN_M` before a wall until both feet are above its top; None if they never are."""
     near = np.flatnonzero(positions[:, 0, 2] > wall.begin - MARGIN_M)
     toes = positions[:, list(feet.TOES)]
     up = np.flatnonzero(((toes[..., 2] > wall.begin) & (toes[..., 1] > wall.top - 0.02)).all(1))
@@ -155,7 +155,7 @@ def on_top_after(positions: Array, wall: Obstacle) -> float | None:
 
 
 def flights(positions: Array, contacts: Array, gaps: Sequence[tuple[Obstacle, Obstacle]]) -> tuple[int, int]:
-    """Gaps between two platforms that were flown over, and gaps into which no foot stepped, of those passed."""
+    """Count, of the gaps passed, those crossed in flight and those into which no foot stepped."""
     soles = _soles(positions)
     flown = missed = 0
     for first, second in gaps:
@@ -170,7 +170,7 @@ def flights(positions: Array, contacts: Array, gaps: Sequence[tuple[Obstacle, Ob
 
 
 def frozen_seconds(positions: Array, xz: Array, requested: Array) -> int:
-    """Whole seconds in which the feet move against the root by less than `FROZEN_FRACTION` of the requested speed (m/s)."""
+    """Count seconds with foot speed relative to the root below `FROZEN_FRACTION` of the requested speed (m/s)."""
     root = np.stack([xz[:, 0], np.zeros(len(xz)), xz[:, 1]], -1)
     speed = np.linalg.norm(np.diff(_soles(positions) - root[:, None], axis=0), axis=-1).mean(1) * FPS
     whole = len(speed) // FPS
@@ -180,12 +180,12 @@ def frozen_seconds(positions: Array, xz: Array, requested: Array) -> int:
 
 
 def mean_of(rows: Sequence[dict[str, Any]], key: str) -> float:
-    """Mean of a measure over the rows that have it; NaN where none has."""
+    """Return the mean of a measure over the rows that have it, or NaN."""
     values = [row[key] for row in rows if row.get(key) is not None]
     return float(np.mean(values)) if values else float("nan")
 
 
-# limbs as capsules: the joints at both ends, and the radius in metres
+# limbs as capsules: joints at both ends, and radius in metres
 CAPSULES: dict[str, tuple[tuple[int, int, float], ...]] = {
     "thighs": ((2, 3, 0.06), (7, 8, 0.06)),
     "shins": ((3, 4, 0.045), (8, 9, 0.045)),
@@ -193,11 +193,11 @@ CAPSULES: dict[str, tuple[tuple[int, int, float], ...]] = {
 }
 DIRECTIONS, STEP_M, FARTHEST_M = 16, 0.01, 0.8
 STATIONS = (0.0, 0.25, 0.5, 0.75, 1.0)  # along a capsule
-AROUND = 8  # points of its surface at each
+AROUND = 8  # surface points at each station
 
 
 def depth_inside(points: Array, terrain: Terrain) -> Array:
-    """Depth in metres of `(..., 3)` points under the nearest surface, 0 outside; at most `FARTHEST_M`."""
+    """Return the depth in metres of points `(..., 3)` below the nearest surface, 0 outside; at most `FARTHEST_M`."""
     flat = np.asarray(points, np.float64).reshape(-1, 3)
     down = terrain.height(flat[:, 0], flat[:, 2]) - flat[:, 1]
     inside = np.flatnonzero(down > 0.0)
@@ -208,7 +208,7 @@ def depth_inside(points: Array, terrain: Terrain) -> Array:
 
 
 def _to_surface(points: Array, down: Array, terrain: Terrain) -> Array:
-    """Least way out of the ground of points inside it: up, sideways, or up and sideways."""
+    """Return the shortest distance out of the ground for points inside it: up, sideways, or both."""
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     compass = np.stack([np.cos(angle), np.sin(angle)], -1)
     nearest = np.minimum(down, FARTHEST_M).astype(np.float64)
@@ -223,7 +223,7 @@ def _to_surface(points: Array, down: Array, terrain: Terrain) -> Array:
 
 
 def capsule_points(positions: Array, first: int, last: int, radius: float) -> Array:
-    """Points `(T, 40, 3)` on the surface of the capsule between two joints of world positions `(T, 31, 3)`."""
+    """Return points `(T, 40, 3)` on the surface of the capsule between two joints of world positions `(T, 31, 3)`."""
     a, b = (positions[:, j].astype(np.float64) for j in (first, last))
     axis = b - a
     axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-9)
@@ -238,7 +238,7 @@ def capsule_points(positions: Array, first: int, last: int, radius: float) -> Ar
 
 
 def limb_depths(positions: Array, terrain: Terrain) -> dict[str, Array]:
-    """Depth `(T,)` in metres of the deepest point of each kind of limb of `CAPSULES`."""
+    """Return the depth `(T,)` in metres of the deepest point of each kind of limb in `CAPSULES`."""
     return {
         name: np.max(
             [depth_inside(capsule_points(positions, *ends), terrain).max(1) for ends in pairs], axis=0

@@ -1,1 +1,1 @@
-"""Motion led along paths and scored against capture."""
+"""Generated motion along paths, scored against capture."""

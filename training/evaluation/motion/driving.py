@@ -1,4 +1,4 @@
-"""Generated motion: a character led along captured root paths, round a standard course, or by captured controls."""
+"""Generated motion: characters follow captured root paths, a standard course, or captured control variables."""
 
 from __future__ import annotations
 
@@ -27,33 +27,33 @@ from training.data.labels import STAND_SPEED
 from training.evaluation.metrics.motion import Motion
 from training.frames import PAD, RootPath, repeat_ends, root_motion, smooth
 
-# simulated before the scored part, so that standing still and the start pose are over
+# simulated before the scored part, to leave out standing and the start pose
 LEAD_IN_FRAMES = 2 * FPS
 STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
-REQUEST_SIGMA_FRAMES = 15.0  # frames; a thumb does not follow the sway of every step
-CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
-MAX_CORRECTION_M_PER_S = 0.5  # m/s
-TOGETHER = 32  # characters of a crowd that are walked at once
+REQUEST_SIGMA_FRAMES = 15.0  # a thumb does not follow the sway of every step
+CORRECTION_PER_S = 1.0  # a player also steers back to the clip's path
+MAX_CORRECTION_M_PER_S = 0.5
+TOGETHER = 32  # characters simulated in one batch
 FORWARD = Controls((0.0, 1.0))
 _ORIGIN = PlanarPose(0.0, 0.0, 0.0)
-Stick = Callable[[Controller, int], Controls]  # what a character is asked for in a frame
+Stick = Callable[[Controller, int], Controls]  # controls of a character in a frame
 
 
 class Track:
-    """The frames of a character as they were shown and before foot lock, and what was requested of it."""
+    """Recorded frames of a character, displayed and before foot lock, and its requested speed."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self.poses: list[Pose] = []
         self._unlocked: list[tuple[Array, Array]] = []
         self.requested_speed: list[float] = []  # m/s
-        self.keyed: list[bool] = []  # whether keyframed motion was shown
+        self.keyed: list[bool] = []  # whether keyframed motion was active
 
     def __len__(self) -> int:
         return len(self.poses)
 
     def add(self, pose: Pose) -> None:
-        """Keep the controller's last frame; SportError when the network failed in it."""
+        """Record the controller's last frame; SportError if the network failed in it."""
         controller = self._controller
         if controller.message or not np.isfinite(pose.positions).all():
             problem = controller.message or "The pose is not finite."
@@ -65,11 +65,11 @@ class Track:
 
     @property
     def root(self) -> Array:
-        """Places `(T, 2)` of the root, metres."""
+        """Return root positions `(T, 2)`, metres."""
         return np.stack([pose.root_position[[0, 2]] for pose in self.poses])
 
     def shown(self, skip: int = 0) -> tuple[Array, Array, Array]:
-        """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` after the first `skip` frames."""
+        """Return hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` after the first `skip` frames."""
         poses = self.poses[skip:]
         return (
             np.stack([pose.hips_position for pose in poses]),
@@ -78,7 +78,7 @@ class Track:
         )
 
     def motion(self, name: str, style: str, gait: Gait | NDArray[np.integer], skip: int = 0) -> Motion:
-        """The motion after the first `skip` frames; `gait` are the requested labels, one or `(frames - skip,)`."""
+        """Return the motion after the first `skip` frames; `gait` is the requested label, or labels `(frames - skip,)`."""
         unlocked_hips, unlocked = (np.stack(values) for values in zip(*self._unlocked[skip:], strict=True))
         return Motion(
             name,
@@ -98,7 +98,7 @@ def characters(
     seeds: Sequence[int] = (),
     **settings: float,
 ) -> list[Controller]:
-    """Characters at the start, each in a style Z^t `(6, 64)`; seeds are 0 where none are given."""
+    """Create characters at the start, each in a style Z^t `(6, 64)`; seeds default to 0."""
     members = [Controller(model, ground, seed, **settings) for seed in seeds or [0] * len(codes)]
     for member, code in zip(members, codes, strict=True):
         member.set_style(code, 0.0)
@@ -111,10 +111,10 @@ def walked(
     frames: int | Sequence[int],
     until: Callable[[Controller], bool] = lambda member: False,
 ) -> list[Track]:
-    """Tracks of characters of one model, by one stick or each by its own, in half of the time of each alone.
+    """Simulate characters of one model in batches, with shared or individual sticks; returns their tracks.
 
-    They end after so many frames, one number or each its own, or when `until` is true of all who walk together: those
-    of one ground. SportError when the network fails.
+    They end after `frames`, shared or individual, or when `until` is true for all in a batch, which are those on the same
+    ground. Batches halve the time. SportError if the network fails.
     """
     own = [sticks] * len(members) if callable(sticks) else sticks
     lengths = [frames] * len(members) if isinstance(frames, int) else frames
@@ -145,13 +145,13 @@ def _walk(
 
 
 def walk_together(members: Sequence[Controller], script: ControlScript, frames: int) -> list[list[Pose]]:
-    """Poses of characters by one script that looks at no place."""
+    """Simulate characters with one script that ignores positions; returns their poses."""
     return [t.poses for t in walked(members, lambda _, frame: script(frame / FPS, _ORIGIN), frames)]
 
 
 @dataclass(frozen=True)
 class Requests:
-    """The requests of a stick at every frame of a captured clip, the lead-in first."""
+    """Stick requests at every frame of a captured clip, after a lead-in."""
 
     xz: Array  # (N, 2) root path
     velocity: Array  # (N, 2) m/s
@@ -160,7 +160,7 @@ class Requests:
 
 
 def requests_of(clip: Motion, lead_in: int) -> Requests:
-    """Smoothed root velocity, facing and gait of a clip; the lead-in goes on backwards at the first velocity."""
+    """Return smoothed root velocity, facing and gait of a clip; the lead-in extrapolates backwards at the first velocity."""
     xz, yaw = root_motion(clip.positions.astype(np.float64))
     velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA_FRAMES)
     start = velocity[0] if clip.gait[0] != Gait.STAND else np.zeros(2)
@@ -176,27 +176,27 @@ def requests_of(clip: Motion, lead_in: int) -> Requests:
 
 @dataclass(frozen=True)
 class Take:
-    """What a character is led along, and its style Z^t `(6, 64)`."""
+    """A clip for a character to follow, and its style Z^t `(6, 64)`."""
 
     clip: Motion
     code: Array
     seed: int = 0
 
     def begun(self, model: MotionModel, **settings: float) -> Controller:
-        """The character at the start, on the clip's ground; all clips of level ground are on the same."""
+        """Create the character at the start, on the clip's ground; level clips share one ground."""
         ground = self.clip.terrain if self.clip.terrain.heights.any() else flat_ground()
         (member,) = characters(model, ground, [self.code], [self.seed], **settings)
         return member
 
 
 def follow(model: MotionModel, takes: Sequence[Take], temperature: float = TEMPERATURE) -> list[Motion]:
-    """Characters led along their clips' root paths, frame for frame as a player would.
+    """Let characters follow their clips' root paths frame by frame, as a player would; returns their motions.
 
-    The stick asks for the clip's velocity at the same time and steers back to its path; it cannot ask for more than the
-    style's own walking or jogging speed. Facing and gait are the clip's.
+    The stick requests the clip's velocity at the same time plus a correction towards its path, limited to the style's own
+    walking or jogging speed. Facing and gait are the clip's.
     """
     requests = [requests_of(take.clip, LEAD_IN_FRAMES) for take in takes]
-    # a captured velocity has a body's momentum already
+    # captured velocities include the inertia of a body already
     settings = {"temperature": temperature, "response": MAX_RESPONSE}
     members = [take.begun(model, **settings) for take in takes]
     for member, asked in zip(members, requests, strict=True):
@@ -208,11 +208,11 @@ def follow(model: MotionModel, takes: Sequence[Take], temperature: float = TEMPE
 
 
 def _stick(requests: Requests, controller: Controller, frame: int) -> Controls:
-    frame = min(frame, len(requests.xz) - 1)  # longer paths go on beside it
+    frame = min(frame, len(requests.xz) - 1)  # the last request is kept for longer paths of the batch
     gait = Gait(int(requests.gait[frame]))
     speed = float(np.linalg.norm(requests.velocity[frame]))
     facing = (float(np.sin(requests.yaw[frame])), float(np.cos(requests.yaw[frame])))
-    if gait == Gait.STAND and speed < STAND_SPEED:  # in a frame labelled as standing the stick is let go
+    if gait == Gait.STAND and speed < STAND_SPEED:  # the stick is released in frames labelled as standing
         return Controls((0.0, 0.0), facing, Gait.WALK)
     if gait in (Gait.STAND, Gait.OTHER):
         gait = Gait.WALK
@@ -225,16 +225,16 @@ def _stick(requests: Requests, controller: Controller, frame: int) -> Controls:
 
 
 class ReplayTrajectory(Trajectory):
-    """Control variables t^p, t^d, t^g and t^h of a clip, not a stick's (Sec. IV-B2): each frame takes the clip's next window."""
+    """Control variables t^p, t^d, t^g and t^h from a clip instead of a stick (Sec. IV-B2): its next window in each frame."""
 
-    clip_xz: Array  # (B, N, 2), of B characters
+    clip_xz: Array  # (B, N, 2) for B characters
     clip_yaw: Array  # (B, N)
     clip_gait: Array  # (B, N, 6)
-    number: NDArray[np.intp]  # (B,) of the next frame
+    number: NDArray[np.intp]  # (B,) index of the next frame
 
     @staticmethod
     def of(clip: Motion, began: Trajectory) -> ReplayTrajectory:
-        """Begin at the clip's first frame, in the place of the trajectory of a character that has just begun."""
+        """Start at the clip's first frame, replacing the trajectory of a new character."""
         made, path = ReplayTrajectory(**vars(began)), RootPath.of(clip.positions.astype(np.float64))
         made.clip_xz, made.clip_yaw = path.padded_root[None], path.padded_yaw[None]
         made.clip_gait = repeat_ends(np.eye(features.GAITS)[clip.gait])[None]
@@ -242,7 +242,7 @@ class ReplayTrajectory(Trajectory):
         return made
 
     def steer(self, plan: Plan) -> None:
-        """The clip's window; what is requested does not count."""
+        """Use the clip's window and ignore the request."""
         rows = np.arange(len(self.number))[:, None]
         now = (self.number + PAD - PRESENT)[:, None] + np.arange(LENGTH)
         self.xz, self.yaw, self.gait = (
@@ -256,9 +256,9 @@ class ReplayTrajectory(Trajectory):
 def replay(
     model: MotionModel, takes: Sequence[Take], temperature: float = 0.0, lead_in: int = 0
 ) -> list[Array]:
-    """Joints relative to the root `(T - lead_in, 31, 3)` under each clip's own controls; clips of `T` frames all.
+    """Return root-relative joints `(T - lead_in, 31, 3)` generated with each clip's controls; all clips have `T` frames.
 
-    The first `lead_in` frames are run at temperature 0: two takes that differ in their seed begin in the same pose.
+    The first `lead_in` frames have temperature 0, so that takes that differ in their seed start in the same pose.
     """
     members = [take.begun(model, temperature=0.0) for take in takes]
     for member, take in zip(members, takes, strict=True):
@@ -281,9 +281,9 @@ def _relative_joints(pose: Pose) -> Array:
 
 
 def transitions(model: MotionModel, changes: Sequence[tuple[Array, Array]], seed: int) -> list[Array]:
-    """World joints `(T, 31, 3)` of straight walks whose Z^t `(6, 64)` changes at frame `STEADY_FRAMES`.
+    """Generate straight walks whose Z^t `(6, 64)` changes at frame `STEADY_FRAMES`; returns world joints `(T, 31, 3)`.
 
-    The blend takes a second, as the viewer's does; three seconds of walking lie around it.
+    The blend lasts a second, as in the viewer, with three seconds of walking before and after.
     """
     before, after = zip(*changes, strict=True)
     members = characters(model, flat_ground(), before, range(seed, seed + len(changes)))
@@ -297,16 +297,16 @@ def transitions(model: MotionModel, changes: Sequence[tuple[Array, Array]], seed
 
 @cache
 def flat_ground() -> Terrain:
-    """Level ground that no course leaves."""
+    """Return level ground that contains all courses."""
     return Terrain.flat(size_m=400.0, cell_m=10.0)
 
 
-RADIUS_M, WAVE_M, WAVES = 8.0, 1.2, 3  # beyond the level start of every terrain, within its 40 m
+RADIUS_M, WAVE_M, WAVES = 8.0, 1.2, 3  # outside the level start of every terrain, within its 40 m
 POINTS = 1200
 
 
 def ring() -> Array:
-    """Points `(1200, 2)` of the closed course, metres."""
+    """Return points `(1200, 2)` of the closed course, metres."""
     angle = np.linspace(0.0, 2.0 * np.pi, POINTS, endpoint=False)
     radius = RADIUS_M + WAVE_M * np.sin(WAVES * angle)
     return np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=-1)
@@ -314,15 +314,15 @@ def ring() -> Array:
 
 @dataclass(frozen=True)
 class RingRun:
-    """The result of leading a character along the ring."""
+    """Motion of a character along the ring, with its path error."""
 
     motion: Motion
-    path_error: Array  # (T,) metres from the root to the nearest point of the course
+    path_error: Array  # (T,) distance of the root from the course, metres
     requested_speed: Array  # (T,) m/s
 
 
 def path_error(xz: Array, course: Array) -> Array:
-    """Distance `(T,)` in metres of root positions `(T, 2)` to the closed polygon `course` `(N, 2)`."""
+    """Return the distance `(T,)` in metres of root positions `(T, 2)` to the closed polygon `course` `(N, 2)`."""
     begin, along = course, np.roll(course, -1, axis=0) - course
     offset = xz[:, None] - begin
     t = (offset * along).sum(-1) / np.square(along).sum(-1)
@@ -332,7 +332,7 @@ def path_error(xz: Array, course: Array) -> Array:
 
 @dataclass(frozen=True)
 class RingWalk:
-    """A character that is led along the ring; the seed also chooses where it begins."""
+    """A character to walk along the ring; the seed also determines its start."""
 
     style: str
     code: Array  # Z^t
@@ -343,7 +343,7 @@ class RingWalk:
 def run_ring(
     model: MotionModel, terrain: Terrain, walks: Sequence[RingWalk], seconds: float
 ) -> list[RingRun]:
-    """Full stick along the ring, each pointed at the place 0.9 m ahead; they do not meet.
+    """Walk characters along the ring at full stick towards the point 0.9 m ahead; they do not collide.
 
     The first 2 s, from standing, are not scored.
     """
@@ -366,12 +366,12 @@ def run_ring(
 
 
 def _along(course: Array, place: int, gait: Gait) -> Stick:
-    """The stick that leads along the course from one of its points."""
+    """Return a stick that follows the course from one of its points."""
 
     def stick(member: Controller, frame: int) -> Controls:
         nonlocal place
         root = member.pose.root_position[[0, 2]].astype(np.float64)
-        # the nearest point among those ahead of the last one: the ring is never cut short
+        # search only ahead of the last point, so that the ring is never cut short
         ahead = (place + np.arange(-5, POINTS // 12)) % POINTS
         place = int(ahead[np.argmin(np.square(course[ahead] - root).sum(-1))])
         spacing = float(np.linalg.norm(course[(place + 1) % POINTS] - course[place]))

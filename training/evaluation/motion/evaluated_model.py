@@ -1,4 +1,4 @@
-"""A model under evaluation: what makes its frames, its styles, its size and its speed."""
+"""A model under evaluation, with its styles, size and speed."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class EvaluatedModel:
 
     @cached_property
     def prompter(self) -> Prompter:
-        """The model's way from words to Z^t."""
+        """The encoder of prompts to Z^t."""
         return Prompter(self.model)
 
     @property
     def name(self) -> str:
-        """The folder's name; that of the training run for its `model` and `model-mixture`, without a first seed."""
+        """Name of the folder, or of the training run for its `model` and `model-mixture`; seed 0 is omitted."""
         folder = self.folder.resolve()
         inner = folder.name
         if not inner.startswith("model"):
@@ -58,7 +58,7 @@ class EvaluatedModel:
         return str(self.model.metadata.get("decoder", "diffusion"))
 
     def style(self, style: str, number: int) -> Array:
-        """Z^t `(6, 64)` of one of a style's descriptions; any number counts round."""
+        """Return Z^t `(6, 64)` of description `number` (modulo their count) of a style."""
         key = (style, number % len(self.texts[style]))
         if key not in self._styles:
             self._styles[key] = self.prompter(self.texts[style][key[1]])
@@ -66,9 +66,9 @@ class EvaluatedModel:
 
 
 def count_parameters(metadata: dict[str, Any]) -> int:
-    """Trained values of encoder, modulator and decoders (Table I); of one decoder for w/o-Diffusion.
+    """Count the parameters of encoder, modulator and decoders (Table I), or of one decoder for w/o-Diffusion.
 
-    The MoE decoder is counted in the diffusion model too, as the paper's totals do.
+    The MoE decoder is included in the diffusion model, as in the paper's totals.
     """
     if "parameters" in metadata:  # of another method
         return int(metadata["parameters"])
@@ -81,9 +81,9 @@ def count_parameters(metadata: dict[str, Any]) -> int:
 
 
 def frame_times(model: MotionModel) -> dict[str, float]:
-    """Median milliseconds of processor time of one thread: the network alone, and with control, foot lock and IK.
+    """Measure median CPU milliseconds of one thread: the network alone, and with control, foot lock and IK.
 
-    Processor time, so that other programs on the machine do not count.
+    CPU time, so that other programs on the machine have no influence.
     """
     controller = Controller(model, flat_ground())
     forward = Controls(move=(0.0, 1.0))
@@ -104,7 +104,7 @@ def _median_ms(work: Callable[[], object]) -> float:
 
 
 def style_texts(styles: Iterable[str] | None = None) -> dict[str, list[PartDescriptions]]:
-    """Six-part descriptions of styles (default: all), hand-written and measured ones in turn; FileError names a style without."""
+    """Load six-part descriptions of styles (default: all), alternating hand-written and measured ones; FileError if missing."""
     path = asset_path("prompts/styles.json")
     library = style_library(path)
     chosen = set(library) if styles is None else set(styles)

@@ -1,4 +1,4 @@
-"""All scores of one model, of held-out capture and of the terrain rollouts, as plain data."""
+"""All scores of a model, of held-out capture and of terrain rollouts, as plain data."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from training.evaluation.motion.driving import RingRun, RingWalk, Take
 from training.evaluation.motion.evaluated_model import EvaluatedModel, count_parameters, frame_times
 
 TERRAINS = ("hills", "stairs", "rough")
-DETERMINISM_CLIPS = 5  # that temperature 0 gives the same twice takes no more
+DETERMINISM_CLIPS = 5  # enough to show that temperature 0 is deterministic
 DRAWS = 10
-GROUPS_TOGETHER = 8  # whose paths are walked in one crowd and kept until they are scored
+GROUPS_TOGETHER = 8  # groups simulated in one batch and kept in memory until scored
 
 
 def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
-    """Generate what the plan specifies and score it."""
+    """Generate the motion of the plan and score it."""
     metadata = evaluated.model.metadata
     return {
         "name": evaluated.name,
@@ -64,16 +64,16 @@ def score_model(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, An
 
 @dataclass
 class Followed:
-    """The paths of a group that a character is led along, in descriptions that take turns."""
+    """Takes of a group to follow, with alternating descriptions."""
 
     group: str
     clips: list[Motion]  # captured
-    tested: list[int]  # of `clips`: the held-out ones, or all where there are none
-    takes: list[Take]  # one of each clip, then more of those tested
+    tested: list[int]  # indices of held-out clips, or of all if there are none
+    takes: list[Take]  # one per clip, then repetitions of the tested ones
 
     @staticmethod
     def of(plan: EvaluationPlan, evaluated: EvaluatedModel, group: str) -> Followed:
-        """What is to be walked, so long that a style can be recognised by it."""
+        """Choose takes of a total length that is sufficient for style recognition."""
         segments, style = plan.segments[group], plan.style_of(group)
         clips = [segment.load() for segment in segments]
         tested = [k for k, s in enumerate(segments) if s.clip.held_out] or list(range(len(segments)))
@@ -87,9 +87,9 @@ class Followed:
     def scored(
         self, plan: EvaluationPlan, made: Sequence[Motion]
     ) -> tuple[WindowSet, WindowSet, dict[str, float]]:
-        """Windows of the first takes; windows of all that are tested; how near the paths were.
+        """Return windows of the first takes, windows of all tested takes, and path figures.
 
-        The mean distance from the clip's root at the same time, metres, and the distance travelled over the clip's.
+        These are the mean distance from the clip's root at the same time, metres, and the ratio of distances travelled.
         """
         pairs = [(take.clip, motion) for take, motion in zip(self.takes, made, strict=True)]
         errors = [np.linalg.norm(c.positions[:, 0, ::2] - m.positions[:, 0, ::2], axis=-1) for c, m in pairs]
@@ -104,7 +104,7 @@ class Followed:
 
 
 def score_following(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
-    """Distances per style and overall, recognition, path and speed along the captured paths."""
+    """Score motion along captured paths: distances per style and overall, recognition, path and speed."""
     windows, recognised, styles = {}, {}, {}
     for begin in range(0, len(plan.groups), GROUPS_TOGETHER):
         groups = plan.groups[begin : begin + GROUPS_TOGETHER]
@@ -123,7 +123,7 @@ def score_following(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str
 
 
 def _distances(plan: EvaluationPlan, windows: dict[str, WindowSet], components: int) -> dict[str, Distances]:
-    """By feature set the Frechet distance of groups' windows to the captured ones, and the capture's own."""
+    """Return, per feature set, the Frechet distance of groups' windows to capture, and between halves of the capture."""
     reference, made = joined(plan.reference[g] for g in windows), joined(windows.values())
     result = {}
     for name in plan.feature_sets:
@@ -133,7 +133,7 @@ def _distances(plan: EvaluationPlan, windows: dict[str, WindowSet], components: 
 
 
 def _recognition(plan: EvaluationPlan, windows: dict[str, WindowSet]) -> dict[str, Any]:
-    """Of the groups that the classifier knows."""
+    """Score recognition of the groups that the classifier knows."""
     known = {g: w for g, w in windows.items() if g in plan.classifier.labels}
     return recognition({g: plan.classifier.predict(w.for_classifier) for g, w in known.items()})
 
@@ -142,7 +142,7 @@ def _recognition(plan: EvaluationPlan, windows: dict[str, WindowSet]) -> dict[st
 
 
 def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel, rough: bool = True) -> dict[str, Any]:
-    """Skating before and after foot lock, path error and speed, per style and gait, on level (and on `rough`) ground."""
+    """Score skating before and after foot lock, path error and speed by style and gait, on level (and `rough`) ground."""
     result: dict[str, Any] = {}
     walks = _walks(plan, evaluated, [style for style in plan.styles if plan.gaits(style)], GAITS)
     for walk in walks:
@@ -160,7 +160,7 @@ def score_courses(plan: EvaluationPlan, evaluated: EvaluatedModel, rough: bool =
 def _walks(
     plan: EvaluationPlan, evaluated: EvaluatedModel, styles: Sequence[str], gaits: Iterable[str]
 ) -> list[RingWalk]:
-    """Of every style in each of these gaits that it has."""
+    """Return walks of every style in each of `gaits` that it has."""
     return [
         RingWalk(style, evaluated.style(style, k), GAITS[gait], plan.options.seed + k)
         for k, style in enumerate(styles)
@@ -182,7 +182,7 @@ def _course_scores(run: RingRun) -> dict[str, Any]:
 
 
 def score_terrain(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, Any]:
-    """Sinking and floating of soles, and path error, on uneven ground: neutral first, then other styles."""
+    """Score sinking and floating of soles, and path error, on uneven ground: neutral first, then other styles."""
     result: dict[str, Any] = {}
     styles = _walking_styles(plan)[: plan.options.terrain_styles]
     walks = _walks(plan, evaluated, styles, GAITS)
@@ -205,14 +205,14 @@ def _walking_styles(plan: EvaluationPlan) -> list[str]:
     styles = [style for style in plan.styles if "walk" in plan.gaits(style)]
     order = np.random.default_rng(plan.options.seed).permutation(len(styles))
     mixed = [styles[i] for i in order]
-    return sorted(mixed, key=lambda s: s != "neutral")  # stable: the rest stays mixed
+    return sorted(mixed, key=lambda s: s != "neutral")  # stable sort: the others stay shuffled
 
 
 # --- transitions and diversity ----------------------------------------------------------------------------------------
 
 
 def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[str, float]:
-    """Jerk around changes of prompt between random styles, walking, against that inside the styles."""
+    """Score jerk around prompt changes between random styles, walking, relative to that within the styles."""
     rng = np.random.default_rng(plan.options.seed + 2)
     count, styles = plan.options.transitions, _walking_styles(plan)
     if len(styles) < 2:
@@ -231,9 +231,9 @@ def score_transitions(plan: EvaluationPlan, evaluated: EvaluatedModel) -> dict[s
 def score_diversity(
     plan: EvaluationPlan, evaluated: EvaluatedModel, temperatures: Sequence[float] = (0.0, 1.0)
 ) -> dict[str, Any]:
-    """Diversity at temperature 1, and over a few clips at 0, of random captured clips, held-out ones first.
+    """Score diversity at temperature 1, and on a few clips at 0, on random captured clips, held-out ones first.
 
-    Control variables are those of the clip in both generations; only the seed of the noise differs.
+    Both generations use the clip's control variables; only the seed of the noise differs.
     """
     result: dict[str, Any] = {}
     clips = list(enumerate(diversity_clips(plan)))
@@ -248,7 +248,7 @@ def score_diversity(
 
 
 def diversity_clips(plan: EvaluationPlan) -> Iterator[Motion]:
-    """Clips of 180 frames and their lead-in, every one of another group as far as these reach."""
+    """Yield clips of 180 frames plus lead-in, cycling through the groups."""
     rng = np.random.default_rng(plan.options.seed + 3)
     length = DIVERSITY_LEAD_IN + DIVERSITY_FRAMES
     by_group: dict[str, list[ClipInfo]] = {}
@@ -269,7 +269,7 @@ def diversity_clips(plan: EvaluationPlan) -> Iterator[Motion]:
 
 
 def score_held_out(plan: EvaluationPlan) -> dict[str, Any]:
-    """The capture's own held-out clips, scored by the same code."""
+    """Score held-out captured clips with the same code."""
     log.info("held-out capture")
     styles = [style for style in plan.styles if len(plan.held_out[style])]
     clips = [clip for style in styles for clip in plan.capture.of(style, True)]
@@ -282,7 +282,7 @@ def score_held_out(plan: EvaluationPlan) -> dict[str, Any]:
 
 
 def _split_distance(plan: EvaluationPlan, name: str, styles: list[str]) -> dict[str, float]:
-    """Held-out against training windows, with as many of either from every style."""
+    """Return the distance between held-out and training windows, equally many per style."""
     rng = np.random.default_rng(plan.options.seed)
     project = plan.projection(name, OVERALL_COMPONENTS)
     labels = np.asarray(plan.training_styles)

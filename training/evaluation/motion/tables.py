@@ -1,4 +1,4 @@
-"""Tables of an evaluation as Markdown, and the bars that a model passes or misses."""
+"""Markdown tables of an evaluation, and the criteria that a model passes or misses."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from training.evaluation.motion.capture import TERRAIN_GROUP
 from training.markdown import number, table
 
 SKATING = ("soles", "toe_soles", "toes")  # the strictest first: the paper's formula is zero by construction
-SECTION = "motion evaluation"  # of a document, between its markers
+SECTION = "motion evaluation"  # name of the markers in a document
 
 
 def markdown(results: dict[str, Any]) -> str:
-    """All tables of `results`, what `--json` holds."""
+    """Return all tables of `results`, the content of `--json`."""
     sets, held_out = results["feature_sets"], results["held_out"]
     rows = [_held_out_row(held_out, sets), *(_model_row(model, sets) for model in results["models"])]
     head = ["", *(f"FMD, {n} features" for n in sets)]
@@ -70,7 +70,7 @@ def _recognised(found: dict[str, Any]) -> str:
 
 
 def mean_skating(gaits: dict[str, dict[str, float]]) -> list[float]:
-    """The three measures over all frames of walking and jogging."""
+    """Return the three skating measures over all frames of walking and jogging."""
     frames = sum(g["frames"] for g in gaits.values())
     return [
         sum(g[m] * g["frames"] for g in gaits.values() if g["frames"]) / frames if frames else float("nan")
@@ -83,7 +83,7 @@ def _three(values: Sequence[float]) -> str:
 
 
 def mean(values: Sequence[float] | dict[str, float]) -> float:
-    """Mean of values, or of those of a mapping; NaN where there is none."""
+    """Return the mean of values, or of a mapping's values; NaN if there are none."""
     listed = list(values.values()) if isinstance(values, dict) else list(values)
     return sum(listed) / len(listed) if listed else float("nan")
 
@@ -113,7 +113,7 @@ def _styles(model: dict[str, Any], held_out: dict[str, Any], sets: Sequence[str]
 
 
 def _distance(found: dict[str, Any]) -> str:
-    """The distance, and in brackets what it is of that between two halves: of whole takes, and of takes cut in two."""
+    """Format the distance and, in brackets, its ratios to that between halves of the capture: whole takes, cut takes."""
     ratios = f"{number(found['takes']['ratio'], 1)} x, {number(found['ratio'], 1)} x"
     return f"{number(found['takes']['distance'], 1)} ({ratios})"
 
@@ -148,7 +148,7 @@ MEASURES = {"soles": "under toes and heels", "toe_soles": "under the toes", "toe
 
 @dataclass(frozen=True)
 class Demand:
-    """One demand: how many of how many cases meet it, and which miss it by how much."""
+    """A criterion: number of cases that meet it, and those that miss it with their margins."""
 
     name: str
     met: int
@@ -161,7 +161,7 @@ class Demand:
 
 
 def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Demand]:
-    """All bars of one model's scores."""
+    """Check all criteria on a model's scores."""
     bars = _distance_bars(model["following"])
     for measure, words in MEASURES.items():
         bars += [_bar(name.format(words), c) for name, c in _skating_cases(model["courses"], measure).items()]
@@ -177,7 +177,7 @@ def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Demand]:
 
 
 def _distance_bars(following: dict[str, Any]) -> list[Demand]:
-    """The distances of all walking and running styles together, then one by one."""
+    """Check the distance of all walking and running styles together, then one by one."""
     bars = []
     for name, overall in following["fmd"].items():
         moving = {k: v["fmd"][name] for k, v in following["styles"].items() if _walks(k)}
@@ -198,7 +198,7 @@ def _walks(group: str) -> bool:
 
 
 def _skating_cases(courses: dict[str, Any], measure: str) -> dict[str, list[tuple[str, float, float]]]:
-    """Cases (name, value, limit) of the three bars of skating; {} in their names is how it is measured."""
+    """Return cases (name, value, limit) of the three skating criteria; {} in their names stands for the measure."""
     flat, normal, rough = [], [], []
     for style, gaits in courses.items():
         for gait, found in gaits.items():
@@ -217,7 +217,7 @@ def _skating_cases(courses: dict[str, Any], measure: str) -> dict[str, list[tupl
 
 
 def _bar(name: str, cases: list[tuple[str, float, float]], least: bool = False) -> Demand:
-    """Of cases (name, value, limit); those over the limit miss it, or those under it where `least`."""
+    """Check cases (name, value, limit): values above the limit miss it, with `least` those below."""
     sign, relation = (-1.0, "<") if least else (1.0, ">")
     over = [
         (sign * (value - limit), f"{label} {value:.3g} {relation} {limit:.3g}")

@@ -1,1 +1,1 @@
-"""Does the motion do what the words say."""
+"""Evaluation of prompt adherence: whether motion does what the words say."""

@@ -1,7 +1,7 @@
 """Sixty prompts of animators, measured on exported files: `python -m training.evaluation animators`.
 
-Each prompt is walked by a model, written as BVH and read back; angles and places of the file decide. The list is
-data/animator_prompts.txt.
+A model walks each prompt; the exported BVH is read back, and its angles and positions are compared with the expectations
+in data/animator_prompts.txt.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from training.evaluation.text.walks import PLAIN_PROMPT, body_of
 from training.markdown import table
 
 PROMPTS = Path(__file__).parent / "data" / "animator_prompts.txt"
-LEAD_S, WALK_S = 2.0, 7.0  # walked before measuring, and in all
+LEAD_S, WALK_S = 2.0, 7.0  # walked before measuring, and in total
 _EXPECTATION = re.compile(r"(\w+)\.(\w+) ([<>]) (n\*|n\+|n(?=-))?(-?[\d.]+)")
-# a prompt, how many expectations it has, and those that do not hold with what was measured
+# a prompt, its number of expectations, and the failed ones with measured values
 Outcome = dict[str, Any]
 
 
 def measured(path: Path) -> dict[str, float]:
-    """Measures of an exported walk, "part.measure" → value; `torso.twist` in degrees to the left, `legs.apart` in metres."""
+    """Measure an exported walk, {"part.measure": value}; `torso.twist` in degrees to the left, `legs.apart` in metres."""
     read = load_clip_bvh(path)
     first = round(LEAD_S * read.fps)
     hips, local = read.hips_positions[first:], read.local_rotations[first:]
@@ -44,7 +44,7 @@ def measured(path: Path) -> dict[str, float]:
 
 
 def _apart(positions: Array) -> float:
-    """Metres of the left ankle to the left of the right one across the way of travel, median."""
+    """Return the median lateral distance from right to left ankle, metres."""
     left, right = (positions[:, SPORT_SKELETON.index(foot)] for foot in ("LeftFoot", "RightFoot"))
     way = np.gradient(smoothed(positions[:, 0], 1.0), axis=0)
     across = way[:, 2] * (left - right)[:, 0] - way[:, 0] * (left - right)[:, 2]
@@ -52,7 +52,7 @@ def _apart(positions: Array) -> float:
 
 
 def _twist(positions: Array) -> float:
-    """Degrees by which the shoulders are turned to the left of the hips, median."""
+    """Return the median yaw of the shoulders relative to the hips, degrees to the left."""
     at = SPORT_SKELETON.index
 
     def heading(joint: str) -> Array:
@@ -63,13 +63,13 @@ def _twist(positions: Array) -> float:
 
 
 def outcome(line: str, values: dict[str, float], neutral: dict[str, float]) -> Outcome:
-    """A line of the list against what was measured."""
+    """Compare a line of the list with measured values."""
     prompt, *expectations = line.split(" | ")
     failed = []
     for text in expectations:
         match = _EXPECTATION.fullmatch(text)
         if match is None:
-            raise ValueError(f"{PROMPTS}: {text!r} is no expectation")
+            raise ValueError(f"{PROMPTS}: {text!r} is not an expectation")
         part, name, sign, relative, number = match.groups()
         key, bound = f"{part}.{name}", float(number)
         if relative:
@@ -80,7 +80,7 @@ def outcome(line: str, values: dict[str, float], neutral: dict[str, float]) -> O
 
 
 def animators(setting: Setting) -> dict[str, list[Outcome]]:
-    """The outcomes of every section of the list."""
+    """Measure all prompts; returns the outcomes by section of the list."""
     model = load_model(setting.folders[0])
     prompter = Prompter(model)
 
@@ -100,14 +100,14 @@ def animators(setting: Setting) -> dict[str, list[Outcome]]:
 
 
 def sections(path: Path) -> dict[str, list[str]]:
-    """Lines of prompts and expectations by the headings of a list; above the first stand comments."""
+    """Read lines of prompts and expectations by heading; lines above the first heading are comments."""
     _, *parts = re.split(r"^# (.*)\n", path.read_text("utf-8"), flags=re.M)
     pairs = zip(parts[::2], parts[1::2], strict=True)
     return {name: body.strip().splitlines() for name, body in pairs if body.strip()}
 
 
 def animators_table(found: dict[str, list[Outcome]]) -> str:
-    """A row for each section and one for all, then what failed."""
+    """Return a table with a row per section and one for all, followed by failed expectations."""
     every = [one for outcomes in found.values() for one in outcomes]
     rows, failed = [], [f"- {o['prompt']}: {'; '.join(o['failed'])}" for o in every if o["failed"]]
     for name, outcomes in [*found.items(), ("all", every)]:
@@ -119,13 +119,13 @@ def animators_table(found: dict[str, list[Outcome]]) -> str:
 
 
 ANIMATORS = Experiment(
-    "Prompts of animators, measured on exported files: do angles and places of the BVH do what the words say?",
+    "Prompts of animators, measured on angles and positions of exported BVH files.",
     animators,
     animators_table,
     "animators",
     options=(
         "model",
-        option("--list", type=Path, default=PROMPTS, metavar="FILE", help="prompts and expectations"),
+        option("--list", type=Path, default=PROMPTS, metavar="FILE", help="file of prompts and expectations"),
         option("--network-legs", action="store_true", help="legs as the network walks them"),
         "seed",
     ),

@@ -1,4 +1,4 @@
-"""`sport evaluate --text`: does the motion do what the words say (Sec. III-C)?"""
+"""`sport evaluate --text`: whether motion does what the words say (Sec. III-C)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PARTS = ("retrieval", "edits")
 
 
 def words_and_motion(setting: Setting) -> dict[str, Any]:
-    """All figures as plain data; equal arguments give equal figures."""
+    """Return all figures as plain data; equal arguments give equal figures."""
     args, folder = setting.args, setting.folders[0]
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=args.text_encoder)
@@ -42,7 +42,7 @@ def words_and_motion(setting: Setting) -> dict[str, Any]:
 
 
 def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
-    """Part edits and part independence: they look at the same walks."""
+    """Measure part edits and part independence, on the same walks."""
     args = setting.args
     reference = load_reference(args.clips)
     plain = prompter.expand(PLAIN_PROMPT).descriptions
@@ -65,7 +65,7 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
         described = reference.described(pairs, case.edits)
         if described:
             rows.append(edits.score(case, summaries, neutral, described))
-        else:  # its measure shows nothing
+        else:  # its measure is inconclusive
             unmeasured.append(case.name)
         if len(case.edits) == 1 and case.kind != "free words":
             independent.append(independence(case, summaries, neutral, pairs))
@@ -76,7 +76,7 @@ def _edits(setting: Setting, prompter: Prompter) -> dict[str, Any]:
 
 
 def _summaries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """By kind, and of held-out edits and pairs together: what the bars are about."""
+    """Summarise by kind, and held-out edits and pairs together, the subject of the criteria."""
     groups = {kind: [r for r in rows if r["kind"] == kind] for kind in dict.fromkeys(r["kind"] for r in rows)}
     zero_shot = [r for r in rows if r["kind"] in ("held out", "pair")]
     return {kind: edits.totals(group) for kind, group in {"zero-shot": zero_shot, **groups}.items()}
@@ -85,12 +85,12 @@ def _summaries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
-Bar = tuple[str, str, bool]  # what is required, what was measured, and whether it is met
+Bar = tuple[str, str, bool]  # requirement, measurement, and whether it is met
 DIRECTIONS = {"text_to_motion": "text→motion", "motion_to_text": "motion→text"}
 
 
 def markdown(results: dict[str, Any]) -> str:
-    """All tables of `results`, what `--json` holds."""
+    """Return all tables of `results`, the content of `--json`."""
     rows = [[required, measured, "yes" if ok else "**no**"] for required, measured, ok in bars(results)]
     lines = [f"`{results['command']}`, model `{results['model']}`", ""]
     lines += table(["Bar", "Measured", "Met"], rows)
@@ -105,7 +105,7 @@ def markdown(results: dict[str, Any]) -> str:
 
 
 def bars(results: dict[str, Any]) -> list[Bar]:
-    """Every demand."""
+    """Return all criteria with their results."""
     found: list[Bar] = []
     for key, words in DIRECTIONS.items() if "retrieval" in results else ():
         r1 = results["retrieval"][key]["r1"]
@@ -202,7 +202,7 @@ def _check(args: Arguments) -> None:
 
 
 TEXT = Experiment(
-    "Does the motion do what the words say (Sec. III-C)?",
+    "Whether motion does what the words say (Sec. III-C).",
     words_and_motion,
     markdown,
     "text evaluation",
@@ -210,8 +210,8 @@ TEXT = Experiment(
     options=(
         "clips",
         "model",
-        option("--only", choices=PARTS, nargs="+", help="measure this alone"),
-        option("--quick", action="store_true", help="no trained edits, shorter walks: no figures to quote"),
+        option("--only", choices=PARTS, nargs="+", help="measure only these"),
+        option("--quick", action="store_true", help="trial without trained edits, with shorter walks"),
         option("--workers", type=int, default=2, metavar="N", help="processes (default: 2)"),
         option(
             "--text-encoder", type=Path, metavar="DIR", help="text encoder that the model was trained with"

@@ -1,4 +1,4 @@
-"""Part edits by words: does the motion change in the described way, by how much of it, and do other parts change with it."""
+"""Part edits by words: direction and amount of the change of motion, and unwanted changes of other parts."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from training.augmentation.catalogue import catalogue, part_edits
 from training.augmentation.measured_edits import Summary, Target, rotation_change, value
 
-# fractions of the described change; under a tenth is no change
+# of the described change; less than a tenth is no change
 RIGHT_WAY_FRACTION, ENOUGH_FRACTION = 0.1, 0.5
-MIN_RIGHT_WAY_FRACTION, MIN_ENOUGH_FRACTION = 0.8, 0.5  # fractions of the held-out edits and pairs
-MIN_RHYTHM_RIGHT_WAY_FRACTION, MIN_RHYTHM_ENOUGH_FRACTION = 0.9, 0.7  # of those of rhythm and weight
+MIN_RIGHT_WAY_FRACTION, MIN_ENOUGH_FRACTION = 0.8, 0.5  # of held-out edits and pairs
+MIN_RHYTHM_RIGHT_WAY_FRACTION, MIN_RHYTHM_ENOUGH_FRACTION = 0.9, 0.7  # of edits of rhythm and weight
 HELD_OUT_RHYTHM, TRAINED_RHYTHM = "held-out rhythm", "trained rhythm"
 SEEDS = 3
 DATA = Path(__file__).parent / "data"
@@ -32,7 +32,7 @@ class Case:
     kind: str  # "held out", "pair", "trained", "held-out rhythm", "trained rhythm" or "free words"
     edits: tuple[str, ...]
     variants: tuple[PartDescriptions, ...]
-    seeds: tuple[int, ...]  # of each variant's walk
+    seeds: tuple[int, ...]  # of the walk of each variant
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -41,11 +41,11 @@ class Case:
         return tuple(p for p in PART_NAMES if p in described)
 
 
-# --- what is requested ------------------------------------------------------------------------------------------------
+# --- requests ---------------------------------------------------------------------------------------------------------
 
 
 def catalogue_cases(neutral: PartDescriptions, trained: bool = True) -> list[Case]:
-    """Held-out edits and pairs with every phrase, at least three walks each; trained edits with their first phrase."""
+    """Return cases of held-out edits and pairs with all phrases, at least three walks; trained edits with their first."""
     every = {name: (name,) for name in part_edits()}
     held_out = {name: edits for name, edits in every.items() if name in catalogue().held_out}
     requested = held_out | catalogue().held_out_pairs | (every if trained else {})
@@ -62,7 +62,7 @@ def _kind(edits: Sequence[str]) -> str:
 
 
 def _case(name: str, edits: tuple[str, ...], neutral: PartDescriptions) -> Case:
-    """Variant k takes the k-th phrase of every part; phrases count round where an edit has fewer."""
+    """Make a case whose variant k has the k-th phrase of every part, modulo their number."""
     kind = _kind(edits)
     phrases = {part: texts for e in edits for part, texts in part_edits()[e].phrases.items()}
     count = 1 if kind in ("trained", TRAINED_RHYTHM) else max(SEEDS, *(len(t) for t in phrases.values()))
@@ -71,25 +71,25 @@ def _case(name: str, edits: tuple[str, ...], neutral: PartDescriptions) -> Case:
 
 
 def phrased(neutral: PartDescriptions, phrases: Mapping[str, Sequence[str]], k: int) -> PartDescriptions:
-    """`neutral` with the k-th phrase of every part."""
+    """Return `neutral` with the k-th phrase of every part."""
     for part, texts in phrases.items():
         neutral = neutral.replace(part, texts[k % len(texts)])
     return neutral
 
 
 def free_prompts() -> dict[str, tuple[str, ...]]:
-    """Free prompts, and the edits whose measures tell whether they were followed."""
+    """Read free prompts, with the edits whose measures show whether they were followed."""
     lines = (DATA / "free_prompts.txt").read_text("utf-8").splitlines()
     return {prompt: tuple(names) for prompt, *names in (line.split(" | ") for line in lines[1:])}
 
 
-# --- what came of it --------------------------------------------------------------------------------------------------
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
 def score(
     case: Case, summaries: Sequence[Summary], neutral: dict[int, Summary], described: dict[Target, float]
 ) -> dict[str, Any]:
-    """A case's result: of each measure the median fraction of the described change, and whether all of them suffice.
+    """Score a case: median fraction of the described change of each measure, and whether all are sufficient.
 
     `summaries` are the walks of the variants, `neutral` the neutral walks by seed.
     """
@@ -118,7 +118,7 @@ def score(
 
 
 def totals(results: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Fractions of cases that go the right way and far enough, and their median fraction of the described change."""
+    """Return the fractions of cases with right direction and sufficient amount, and the median fraction of change."""
     means = ("right_way", "enough", "runs_right_way", "runs_enough")
     return {
         "cases": len(results),
@@ -130,7 +130,7 @@ def totals(results: Sequence[dict[str, Any]]) -> dict[str, float]:
 MAX_OTHERS_FRACTION = 0.25  # of the part's own change
 
 _AT = SPORT_SKELETON.index
-# joints that turn; fingers, and hip joints and neck bases without freedom of their own, would only dilute the means
+# rotating joints; fingers, and hip joints and neck bases without own degrees of freedom, would dilute the means
 JOINTS: dict[str, tuple[int, ...]] = {
     "left_arm": tuple(map(_AT, ("LeftShoulder", "LeftArm", "LeftForeArm", "LeftHand"))),
     "right_arm": tuple(map(_AT, ("RightShoulder", "RightArm", "RightForeArm", "RightHand"))),
@@ -145,15 +145,15 @@ RHYTHM = "rhythm"  # slot of edits of rhythm and weight
 
 
 def part_changes(before: Summary, after: Summary) -> dict[str, float]:
-    """Degrees by which the joints of each part move differently, their mean."""
+    """Return the mean change of joint motion of each part, degrees."""
     change = np.degrees(rotation_change(before, after))
     return {part: float(change[list(joints)].mean()) for part, joints in JOINTS.items()}
 
 
 def own_and_others(changes: dict[str, float], parts: Sequence[str]) -> tuple[float, float, float]:
-    """Mean over the joints of the described parts, over all other joints, and of the other part that changes most.
+    """Return the mean change of the described parts, of all other joints, and of the other part that changes most, degrees.
 
-    Degrees. One other part of five can follow whole, and the mean over all joints of the others would hide it.
+    The last shows a single other part that changes fully, which the mean over all other joints would hide.
     """
 
     def mean(names: list[str]) -> float:
@@ -170,7 +170,7 @@ def independence(
     neutral: dict[int, Summary],
     reference: Sequence[tuple[Summary, Summary]],
 ) -> dict[str, Any]:
-    """A case's changes against the neutral walk of the same seed, and what the edit itself does on captured walks."""
+    """Return a case's changes relative to the neutral walk of the same seed, and those of the edit on captured walks."""
     walks = [part_changes(neutral[seed], s) for s, seed in zip(summaries, case.seeds, strict=True)]
     row: dict[str, Any] = {
         "name": case.name,
@@ -186,9 +186,9 @@ def independence(
 
 
 def by_slot(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Mean changes of each slot and of "all", their ratio, the edits' own ratio, and how many edits keep the bar.
+    """Return mean changes per slot and of "all", their ratio, the ratio of the edits, and how many edits meet the limit.
 
-    Rhythm has a row of its own, which "all" does not count: another step changes what every part does in it.
+    Rhythm has a separate row and is not part of "all", because another step changes the motion of every part.
     """
     slots = [*dict.fromkeys(r["slot"] for r in rows), "all"]
     found = {s: [r for r in rows if r["slot"] == s or (s == "all" and r["slot"] != RHYTHM)] for s in slots}
@@ -212,7 +212,7 @@ def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
 
 
 def seed_changes(neutral: dict[int, Summary]) -> dict[str, float]:
-    """Degrees of each part between neutral walks of two seeds, mean over the pairs: what comes without any word."""
+    """Return the change of each part between neutral walks of two seeds, degrees, mean over pairs: the baseline."""
     pairs = list(combinations(neutral.values(), 2))
     found = [part_changes(a, b) for a, b in pairs]
     return {part: float(np.mean([f[part] for f in found])) if found else 0.0 for part in PART_NAMES}

@@ -1,8 +1,8 @@
-"""Prompt adherence: walk every phrase once and measure what the body does: `assets/prompts/shares.json`, by `training.export.words`.
+"""Prompt adherence, measured by walking every phrase once: `assets/prompts/shares.json`, by `training.export.words`.
 
-Every entry of the prompt library and every phrase of the catalogue of edits is walked straight ahead on flat ground for some
-seconds. A sentence of the catalogue is compared with what its edit does to the model's own neutral walk, any other
-with the claims of `training.text.claims`.
+Every entry of the prompt library and every phrase of the edit catalogue is walked straight ahead on flat ground for some
+seconds. A sentence of the catalogue is compared with the effect of its edit on the model's own neutral walk, any other
+with its claims (`training.text.claims`).
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from training.text.claims import clause_fraction, clauses
 
 PHRASE_S = 3.0  # walked and measured for each phrase
 _HAND = ("hand_front", "hand_out", "hand_level")
-_LEVEL_M = 0.45  # metres of one unit of hand_level
-LIMB_DIFFERENCE_FRACTION = 0.15  # between one limb's fraction and that of both: from there its own is kept
-UNEVEN = ("neutral_rough",)  # plain, on ground that is not
+_LEVEL_M = 0.45  # of one unit of hand_level
+LIMB_DIFFERENCE_FRACTION = 0.15  # of a limb's fraction from that of both, for a separate entry
+UNEVEN = ("neutral_rough",)  # neutral walks on uneven ground
 
 
 @dataclass
 class Found:
-    """Fractions shown by (group, words), of sentences and clauses, of all walks that said them; of single limbs by (part, words)."""
+    """Measured fractions of sentences and clauses by (group, words), and of single limbs by (part, words), over all walks."""
 
     sentences: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
     clauses: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
     limbs: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> None:
-        """Add what a walk shows of a sentence by the claims of its clauses."""
+        """Add the fractions of a sentence and its clauses in a walk, from their claims."""
         fractions: list[tuple[float, bool]] = []
         for clause in clauses(as_left_limb(sentence, part)[1] if "_" in part else sentence.lower()):
             fraction = clause_fraction(part, clause, neutral, walked)
@@ -56,12 +56,12 @@ class Found:
                 fractions.append(fraction)
                 self.clauses[as_left_limb(part, part)[0], clause].append(fraction[0])
         if fractions:
-            # what neutral does not do already is what the sentence is there for
+            # a sentence is meant to change what neutral does not already do
             shown = [f for f, changes in fractions if changes] or [f for f, _ in fractions]
             self.sentences[as_left_limb(sentence, part)].append(float(np.mean(shown)))
 
     def add_edit(self, part: str, phrase: str, fraction: float) -> None:
-        """Add what a walk shows of a phrase of the catalogue."""
+        """Add the fraction of a phrase of the catalogue in a walk."""
         group, words = as_left_limb(phrase, part)
         self.sentences[group, words].append(fraction)
         self.clauses[group, words].append(fraction)
@@ -69,7 +69,7 @@ class Found:
             self.limbs[part, words].append(fraction)
 
     def add_plain(self, styles: Mapping[str, LibraryStyle]) -> None:
-        """The sentences of the plain walks ask for nothing special: all of it is shown."""
+        """Add fraction 1 for the sentences of plain walks, which request no change."""
         for name in sorted(styles):
             if name.startswith(PLAIN) and name not in UNEVEN:
                 for words in styles[name].descriptions:
@@ -77,7 +77,7 @@ class Found:
                         self.sentences[as_left_limb(getattr(words, part), part)] = [1.0]
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Medians over the walks, as the file has them; of a limb where it shows another fraction than both together."""
+        """Return medians over the walks for the file; single limbs only if they differ from both together."""
         result = {}
         for name, both in (("sentences", self.sentences), ("clauses", self.clauses)):
             medians = {key: float(np.median(fractions)) for key, fractions in both.items()}
@@ -95,7 +95,7 @@ class Found:
 def measure_adherence(
     model: MotionModel, prompter: Prompter, walker: Walker, entries: Sequence[PartDescriptions]
 ) -> Found:
-    """Walk the library's `entries` and the catalogue's phrases once each."""
+    """Walk the library's `entries` and the catalogue's phrases once each, and measure them."""
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
     requested: list[tuple[PartDescriptions, str]] = [(d, "") for d in entries] + list(_phrases(neutral))
     log.info("%d walks", len(requested) + 1)
@@ -114,9 +114,9 @@ def measure_adherence(
 
 
 def edit_fraction(edit: str, example: tuple[Summary, Summary], plain: Summary, walked: Summary) -> float:
-    """Fraction, 0 to 1, of an edit's change of the neutral walk (`example`: before, after) that a walk shows.
+    """Return the fraction, 0 to 1, of an edit's effect on the neutral walk (`example`: before, after) in a walk.
 
-    Of a held hand it is the path of the hand to its place.
+    For a held hand it is the fraction of the hand's path to its target.
     """
     before, after = example
     if part_edits()[edit].kind == "hand" and "wave" not in part_edits()[edit].parameters:
@@ -134,21 +134,21 @@ def edit_fraction(edit: str, example: tuple[Summary, Summary], plain: Summary, w
 
 
 def hand_place(summary: Summary, part: str) -> np.ndarray:
-    """The place of an arm's hand, metres: forward of the shoulder, outward of it, and up."""
+    """Return the position of an arm's hand, metres: forward of the shoulder, outward, and up."""
     arm = getattr(summary.body, part)
     place = np.array([getattr(arm, name) for name in _HAND])
     return place * np.array([1.0, 1.0, _LEVEL_M])
 
 
 def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]]:
-    """Every phrase of the catalogue on a neutral walk, with its edit."""
+    """Yield every phrase of the catalogue on a neutral walk, with its edit."""
     for name, edit in part_edits().items():
         for k in range(max(map(len, edit.phrases.values()))):
             yield phrased(neutral, edit.phrases, k), name
 
 
 def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
-    """The neutral walk before and after every edit."""
+    """Summarise the neutral walk before and after every edit."""
     before = summarise(motion.hips, motion.local, motion.contacts)
     found = {}
     for name, edit in part_edits().items():
@@ -158,7 +158,7 @@ def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
 
 
 def neutral_motion(model: MotionModel, z: Array) -> EditedMotion:
-    """A neutral walk of the model, to apply edits to."""
+    """Generate a neutral walk of the model as input of edits."""
     ((hips, local, contacts),) = straight_walks(model, [z], 2 * PHRASE_S)
     stands = (contacts > 0.5).astype(np.uint8)
     return EditedMotion(hips.astype(np.float64), local.astype(np.float64), stands, Terrain.flat(size_m=200.0))

@@ -1,4 +1,4 @@
-"""Text→motion and motion→text retrieval on held-out capture, by the similarity that stage 1 trains (Eq. 2)."""
+"""Text→motion and motion→text retrieval on held-out capture, by the similarity trained in stage 1 (Eq. 2)."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from training.evaluation.metrics.features import encoded
 from training.evaluation.metrics.motion import load_motion, window_starts
 from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo, read_capture
 
-HOP = 20  # frames between the beginnings of a clip's windows
+HOP = 20  # frames between the starts of a clip's windows
 MIN_RECALL_FRACTION = 0.6  # R@1
 
 
 def codes_of(mean: Array, log_variance: Array) -> Array:
-    """Unit vectors mu + Sigma `(N, 768)` (Eq. 2) of distribution parameters `(N, 6, 64)`: products are cosines."""
+    """Return unit vectors mu + Sigma `(N, 768)` (Eq. 2) of distribution parameters `(N, 6, 64)`, for cosine similarity."""
     both = np.concatenate([mean, np.exp(0.5 * log_variance)], axis=-1).reshape(len(mean), -1)
     both = both.astype(np.float64)
     return both / np.maximum(np.linalg.norm(both, axis=-1, keepdims=True), 1e-12)
 
 
 class TextSide:
-    """The text side of the content encoder of a model folder: six descriptions to the parameters of Eq. 2."""
+    """Text side of a model's content encoder: maps six descriptions to the parameters of Eq. 2."""
 
     def __init__(self, folder: Path, text_encoder: TextEncoderLike) -> None:
         self._text_encoder = text_encoder
@@ -41,12 +41,12 @@ class TextSide:
         self._session = open_graph(folder / "prompt.onnx", graph, 1)
         if "log_variance" not in {o.name for o in self._session.get_outputs()}:
             raise ModelError(
-                f"{folder / 'prompt.onnx'}: gives no mean and log_variance, which retrieval compares.",
+                f"{folder / 'prompt.onnx'}: lacks the outputs mean and log_variance, which retrieval needs.",
                 "Export the model again with `sport train export`.",
             )
 
     def codes(self, descriptions: Sequence[PartDescriptions]) -> Array:
-        """Codes `(N, 768)` of descriptions."""
+        """Return codes `(N, 768)` of descriptions."""
         size = self._session.get_inputs()[0].shape[2]
         words = np.stack([sentence_inputs(self._text_encoder, d.as_tuple(), size) for d in descriptions])
         mean, log_variance = self._session.run(["mean", "log_variance"], {"embeddings": words})
@@ -54,10 +54,10 @@ class TextSide:
 
 
 def recall(similarity: Array, relevant: NDArray[np.bool_], styles: Sequence[str]) -> dict[str, float]:
-    """Score similarities `(Q, G)` by the entries that are `relevant`; `styles` are the queries'. Ties count against.
+    """Score similarities `(Q, G)`; `relevant` `(Q, G)` are the correct entries, `styles` the queries'. Ties count against.
 
-    Fractions of queries whose first relevant entry is first, or among three, each with what chance would give; `r1_by_style`
-    is the mean over the queries' styles, which have unlike numbers of queries.
+    Returns the fractions of queries with a relevant entry at rank 1, or up to 3, each with its chance level; `r1_by_style`
+    is the mean over styles, which have different numbers of queries.
     """
     from scipy.stats import hypergeom
 
@@ -79,13 +79,13 @@ def recall(similarity: Array, relevant: NDArray[np.bool_], styles: Sequence[str]
 
 
 def first_ranks(similarity: Array, relevant: NDArray[np.bool_]) -> NDArray[np.integer]:
-    """Rank `(Q,)` from 1 of each query's nearest relevant entry."""
+    """Return the rank `(Q,)`, from 1, of each query's nearest relevant entry."""
     best = np.where(relevant, similarity, -np.inf).max(1, keepdims=True)
     return 1 + ((similarity >= best) & ~relevant).sum(1)
 
 
 def held_out_clips(folder: Path, styles: Sequence[str]) -> list[ClipInfo]:
-    """Held-out captured clips of these styles that are as long as a window (1.3 s); FileError if there is none."""
+    """Return held-out captured clips of `styles` with at least one window (1.3 s); FileError if there are none."""
     clips = read_capture(folder).clips
     found = [c for c in clips if c.held_out and c.group != TERRAIN_GROUP and c.style in styles]
     if not found:
@@ -96,7 +96,7 @@ def held_out_clips(folder: Path, styles: Sequence[str]) -> list[ClipInfo]:
 def evaluate_retrieval(
     folder: Path, clips: Path, texts: dict[str, list[PartDescriptions]], text_encoder: TextEncoderLike
 ) -> dict[str, Any]:
-    """All figures of a model folder on the held-out clips; `texts` are every style's paraphrases."""
+    """Evaluate a model folder on the held-out clips; `texts` are paraphrases by style."""
     encoder, side = ExportedMotionEncoder(folder), TextSide(folder, text_encoder)
     found = held_out_clips(clips, list(texts))
     return scores(
@@ -107,7 +107,7 @@ def evaluate_retrieval(
 
 
 def _clip_code(encoder: ExportedMotionEncoder, path: Path) -> Array:
-    """The mean code `(768,)` of a clip's windows."""
+    """Return the mean code `(768,)` of a clip's windows."""
     motion = load_motion(path)
     return codes_of(*encoded(encoder, motion.root_features(), window_starts(len(motion), HOP))).mean(0)
 
@@ -115,7 +115,7 @@ def _clip_code(encoder: ExportedMotionEncoder, path: Path) -> Array:
 def scores(
     clip_styles: Sequence[str], clip_codes: Sequence[Array], texts: dict[str, Array]
 ) -> dict[str, Any]:
-    """Both directions, with every style alone and with look-alike styles as one; texts without a clip are no queries."""
+    """Score both directions, with separate and with merged similar styles; texts without a clip are not queries."""
     names, motions = list(texts), np.stack(clip_codes)
     queried = [style for style in names if style in clip_styles for _ in texts[style]]
     to_motion = np.concatenate([texts[s] for s in dict.fromkeys(queried)]) @ motions.T

@@ -1,7 +1,7 @@
-"""How prompts are read that the library was never tuned to: `python -m training.evaluation.text.untuned_prompts [FILE]`.
+"""Interpretation of prompts unseen during development: `python -m training.evaluation.text.untuned_prompts [FILE]`.
 
-Prints each prompt with its six descriptions and its note; whether they are right is for people to read. The grades that a
-reader gave are in `blind_grades.csv` and `class_grades.csv`. The exit code is 1 where a prompt has no answer.
+Prints each prompt with its six descriptions and its note, for human judgement. Grades of a reader are in
+`blind_grades.csv` and `class_grades.csv`. The exit code is 1 if a prompt has no answer.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LISTS = (DATA / "untuned_prompts.txt", DATA / "blind_prompts.txt", DATA / "class
 
 
 def read_prompts(path: Path) -> list[str]:
-    """The lines of a text file in UTF-8 without empty ones and comments (#); FileError when there is none."""
+    """Read the lines of a UTF-8 text file, without empty lines and comments (#); FileError if there are none."""
     try:
         lines = [line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
     except (OSError, UnicodeDecodeError) as error:
@@ -32,7 +32,7 @@ def read_prompts(path: Path) -> list[str]:
 
 
 def read(prompt: str, expander: Expander) -> tuple[list[str], str]:
-    """Six descriptions with the note, and what is wrong: no answer, or a part without a word; "" for nothing."""
+    """Return six descriptions with the note, and the problem (no answer, or parts without description), or ""."""
     try:
         expansion = expander.expand(prompt)
     except SportError as error:
@@ -43,7 +43,7 @@ def read(prompt: str, expander: Expander) -> tuple[list[str], str]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print every prompt of a list; the exit code."""
+    """Print every prompt of a list; returns the exit code."""
     from runtime.motion.model import load_model
     from runtime.prompts.prompter import Prompter
 

@@ -1,4 +1,4 @@
-"""Walks under a prompt, straight ahead on flat ground, reduced to what the text evaluation compares."""
+"""Straight walks on flat ground with a prompt, summarised for the text evaluation."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from training.data.labels import foot_contacts
 from training.evaluation import log
 from training.evaluation.motion.driving import FORWARD, TOGETHER, characters, flat_ground, walked
 
-PLAIN_PROMPT = "a person walking normally"  # what words about a part change
-LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over
+PLAIN_PROMPT = "a person walking normally"  # baseline of words about single parts
+LEAD_SECONDS = 2.0  # walked before measuring, to leave out standing and the start pose
 WALK_S = 6.0
 LOGGED = 64  # walks between two lines of the log
-Key = tuple[bytes, int]  # of a walk: its Z^t, and its seed
-Job = tuple[Path, Sequence[Key], float]  # folder of a model, walks, and their seconds
+Key = tuple[bytes, int]  # of a walk: Z^t and seed
+Job = tuple[Path, Sequence[Key], float]  # folder of a model, walks, and their length in seconds
 
 
 class Walker:
-    """Makes walks with the model of a folder in full precision, many together, in `workers` processes; the same walk is made once."""
+    """Generates walks in batches with a model in full precision, in `workers` processes; equal walks are cached."""
 
     def __init__(self, folder: Path, workers: int = 1, seconds: float = WALK_S) -> None:
         self.folder, self.workers, self.seconds = folder, workers, seconds
@@ -41,7 +41,7 @@ class Walker:
         return _loaded(self.folder)
 
     def make(self, codes: Iterable[Array], seeds: Sequence[int] = ()) -> list[Summary]:
-        """Summaries of walks in each Z^t `(6, 64)`, in their order; seeds are 0 where none are given."""
+        """Return summaries of walks with each Z^t `(6, 64)`, in order; seeds default to 0."""
         texts = [np.ascontiguousarray(code, np.float32).tobytes() for code in codes]
         keys = list(zip(texts, seeds or [0] * len(texts), strict=True))
         new = [key for key in dict.fromkeys(keys) if key not in self._made]
@@ -74,9 +74,9 @@ def _walks(model: MotionModel, keys: Sequence[Key], seconds: float) -> list[Summ
 def straight_walks(
     model: MotionModel, codes: Sequence[Array], seconds: float, seeds: Sequence[int] = ()
 ) -> list[tuple[Array, Array, Array]]:
-    """Hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of a walk in each Z^t `(6, 64)`, after its lead-in.
+    """Return hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)` of a walk with each Z^t `(6, 64)`.
 
-    Walked together; seeds are 0 where none are given.
+    Walks are simulated in batches, without their lead-in; seeds default to 0.
     """
     lead = round(LEAD_SECONDS * FPS)
     members = characters(model, flat_ground(), codes, seeds)
@@ -89,7 +89,7 @@ def _loaded(folder: Path) -> MotionModel:
 
 
 def body_of(hips: Array, local: Array) -> BodyMeasures:
-    """Measures of hips `(T, 3)` and local rotations `(T, 31, 4)`, contacts found by height and speed."""
+    """Measure hips `(T, 3)` and local rotations `(T, 31, 4)`, with contacts from height and speed."""
     positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
     contacts = foot_contacts(positions, np.zeros((len(hips), 4), np.float32)).astype(np.float32)
     return measure(hips, local, contacts)

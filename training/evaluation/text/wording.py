@@ -1,10 +1,10 @@
-"""Walk every sentence once and find the wording that a model follows: `assets/prompts/wording.json`, by `training.export.words`.
+"""Finds wordings that a model follows, by walking every sentence: `assets/prompts/wording.json`, by `training.export.words`.
 
-A sentence is walked with everything else as in neutral, and what it claims (`training.text.claims`) is compared with what the
-body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK_FRACTION` of it,
-the sentence gets the wording, out of all that were walked and claim the same measures, whose walk keeps the claims and changes
-as little else as possible; a sentence of an arm gets its own beginning, or one that ends with the same place. Descriptions of captured styles stay as they are: the model
-learnt them by heart.
+Each sentence is walked with neutral words for other parts, and its claims (`training.text.claims`) are measured; each arm
+separately, because some edits are held out on one side. A sentence with less than `WEAK_FRACTION` of its claims is replaced
+by the sentence with the same claimed measures that meets the claims with the least other change; for an arm, by its own
+beginning, or a sentence that ends with the same position. Descriptions of captured styles are not replaced, because the
+model was trained on them.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from runtime.prompts.prompter import Prompter
 from training.evaluation.text.walks import PLAIN_PROMPT, Walker
 from training.text.claims import claims, sentence_fraction, unclaimed_change
 
-WEAK_FRACTION = 0.6  # fraction of a sentence's claims under which it gets another wording
-MIN_GAIN_FRACTION = 0.3  # by which the other wording has to be better
-UNCLAIMED_CHANGE_WEIGHT = 0.12  # what a unit of change that was not claimed costs, in fractions
-LIKENESS_WEIGHT = 0.8  # what likeness of words is worth
-# what is walked, by the group of the table
+WEAK_FRACTION = 0.6  # of a sentence's claims, below which it is replaced
+MIN_GAIN_FRACTION = 0.3  # by which the replacement must be better
+UNCLAIMED_CHANGE_WEIGHT = 0.12  # cost of one step of unclaimed change, in fractions
+LIKENESS_WEIGHT = 0.8  # value of textual similarity
+# parts to walk, by group of the table
 PARTS = {
     "torso": "torso",
     "head": "head",
@@ -38,13 +38,13 @@ PARTS = {
     "right_arm": "right_arm",
 }
 ARMS = ("left_arm", "right_arm")
-Key = tuple[str, str]  # group and words, of a limb as of the left one
+Key = tuple[str, str]  # group and words; limbs as left ones
 NEUTRAL: Key = ("", "")
 Likeness = Callable[[Sequence[str]], Array]
 
 
 def walk_all(walker: Walker, prompter: Prompter, keys: Sequence[Key]) -> dict[Key, BodyMeasures]:
-    """Measure walks under each sentence, and under `NEUTRAL`."""
+    """Measure a walk for each sentence, and for `NEUTRAL`."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
     said = [plain, *(_said(plain, *key) for key in keys)]
     made = walker.make(map(prompter, said))
@@ -59,9 +59,9 @@ def _said(plain: PartDescriptions, group: str, words: str) -> PartDescriptions:
 def better_wordings(
     walks: Mapping[Key, BodyMeasures], captured: frozenset[Key], likeness: Likeness
 ) -> dict[str, dict[str, str]]:
-    """By group, each weakly shown sentence with the one in its place; `captured` sentences keep their words.
+    """Return replacements of weakly followed sentences by group; `captured` sentences are not replaced.
 
-    `likeness` gives unit vectors of sentences.
+    `likeness` maps sentences to unit vectors.
     """
     table = {}
     for group in PARTS:
@@ -77,7 +77,7 @@ def better_wordings(
 def _better_of(
     group: str, bodies: Mapping[str, BodyMeasures], neutral: BodyMeasures, likeness: Likeness
 ) -> dict[str, str]:
-    """Each weakly shown sentence of a group with the one in its place; `bodies` are what is walked by each sentence."""
+    """Return replacements of weakly followed sentences of a group; `bodies` are measures by sentence."""
     part = PARTS[group]
     shown = {words: sentence_fraction(part, words, neutral, body) for words, body in bodies.items()}
     weak = {w: f for w, f in shown.items() if f is not None and f < WEAK_FRACTION}
@@ -86,7 +86,7 @@ def _better_of(
     vectors = dict(zip(bodies, likeness(list(bodies)), strict=True))
 
     def best(words: str) -> tuple[float, str]:
-        """The first of the sentences of most worth, and this; minus infinity where none shows more."""
+        """Return the highest worth and its sentence; minus infinity if none is better."""
         others = (w for w in bodies if w not in weak and _stands_for(group, part, w, words))
         worths = {w: _worth(part, words, weak[words] + MIN_GAIN_FRACTION, neutral, bodies[w]) for w in others}
         alike = {w: LIKENESS_WEIGHT * float(vectors[words] @ vectors[w]) for w in worths}
@@ -99,7 +99,7 @@ def _better_of(
 
 
 def _worth(part: str, words: str, least: float, neutral: BodyMeasures, body: BodyMeasures) -> float:
-    """What a walk shows of a sentence less what else it changes; minus infinity where it shows less than `least`."""
+    """Return the fraction of a sentence in a walk minus the cost of other changes; minus infinity below `least`."""
     fraction = sentence_fraction(part, words, neutral, body)
     if fraction is None or fraction < least:
         return -inf
@@ -112,13 +112,13 @@ Meaning = tuple[frozenset[tuple[str, str]], frozenset[str]]
 
 @cache
 def _meaning(part: str, words: str) -> Meaning:
-    """The measures that a sentence makes claims of, and the sides that it names."""
+    """Return the measures claimed by a sentence, and the sides that it names."""
     return claims(part, words), frozenset(re.findall(r"\b(?:left|right)\b", words.partition(" ")[2]))
 
 
 def _stands_for(group: str, part: str, other: str, words: str) -> bool:
-    """Whether a sentence may be said for another: it claims the same; of an arm, of which claims say little, it is also
-    the beginning of the other, or ends with the same place ("behind the back")."""
+    """Return whether sentence `other` can replace `words`: it has the same claims; for an arm, whose claims are coarse,
+    it also ends with the same position ("behind the back"), or it is the beginning of `words`."""
     meaning, wanted = _meaning(part, other), _meaning(part, words)
     if group in ARMS:
         begins = bool(meaning[0]) and meaning[0] <= wanted[0] and words.startswith(f"{other},")
@@ -130,14 +130,14 @@ def _stands_for(group: str, part: str, other: str, words: str) -> bool:
 def measure_wording(
     walker: Walker, prompter: Prompter, sentences: Iterable[Key]
 ) -> dict[str, dict[str, str]]:
-    """The table of a model, of `sentences` by the groups of prompt adherence; the prompter keeps the words as they are."""
+    """Measure a model's table for `sentences`, by groups of prompt adherence; the prompter must not replace words."""
     keys = sorted({key for group, words in sentences for key in _walked(group, words)})
     walks = walk_all(walker, prompter, keys)
     return better_wordings(walks, _captured(), lambda words: prompter.text_encoder.encode(list(words)))
 
 
 def _walked(group: str, words: str) -> list[Key]:
-    """The keys under which a sentence of the fractions is walked: of an arm one for each side, of legs one for both."""
+    """Return the keys for walking a sentence: for an arm one per side, for legs one for both."""
     if group == "arm":
         return [("left_arm", words), ("right_arm", words)]
     return [("leg" if group.endswith("_leg") else group, words)]

@@ -81,7 +81,7 @@ def random_course(kind: str, generator: np.random.Generator) -> Terrain:
 
 
 def _obstacles(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
-    """Add bars, gaps and platforms, two to four metres apart."""
+    """Add bars, gaps and platforms, 1.8 to 3.6 m apart."""
     del x
     place, level, between = START_M + generator.uniform(0.5, 2.0), 0.0, (1.8, 3.6)
     while place < LENGTH_M - 4.0:

@@ -242,7 +242,7 @@ def test_every_axis_map_is_a_rotation() -> None:
 def test_unknown_skeleton_is_named() -> None:
     root = Skeleton(("a",), (-1,), np.zeros((1, 3), np.float32))
     text = format_bvh(root, {0: np.zeros((2, 3))}, rotations.identity((2, 1)), 60)
-    with pytest.raises(FileError, match=r"odd\.bvh.*known skeletons"):
+    with pytest.raises(FileError, match=r"odd\.bvh: unknown skeleton.*skeletons\.toml"):
         recognise(parse_bvh(text), "odd.bvh")
 
 

@@ -224,7 +224,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Play or pause the clip", "{play}, or Space while it plays", ""),
         ("One frame back, one forward", "Left, Right, or {frame_back}, {frame_on}", ""),
         ("First frame, last frame", "{first_frame}, {last_frame}", ""),
-        ("Backward, stop, forward (again: faster)", "{play_backwards}, {stop_playing}, {play_forwards}", ""),
+        ("Reverse, stop, play (again: faster)", "{play_backwards}, {stop_playing}, {play_forwards}", ""),
         ("In, out, key", "{trim_in}, {trim_out}, {key_pose}", ""),
         ("Timeline: zoom, scroll, fit", "Wheel, Shift+wheel, {fit_timeline}", ""),
         ("Delete, copy, cut, paste, duplicate", "Del, Ctrl+C, X, V, D", ""),

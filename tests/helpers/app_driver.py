@@ -13,6 +13,7 @@ from runtime.motion.style import StyleMix
 from tests.helpers import hand
 from tests.helpers.viewer_fakes import FakeController
 from viewer.app import App
+from viewer.edit.handles import on_screen
 from viewer.gl_bindings import imgui
 from viewer.input.gamepad import GamepadState
 
@@ -135,6 +136,14 @@ def point(app: App, x: float, y: float, button: int | None = None, down: bool = 
     """Move the mouse, optionally change a button there, and let the panels react."""
     hand.mouse(app.window, x, y, button, down)
     run(app, 2)
+
+
+def screen_point(app: App, x: float, z: float) -> tuple[float, float]:
+    """Pixel at which a place on the ground is seen."""
+    ground = np.array([x, float(app.scene.terrain.height(x, z)), z])
+    found = on_screen(app.scene.camera.current, ground, imgui.get_io().display_size)
+    assert found is not None
+    return found
 
 
 def wheel(app: App, steps: float) -> None:

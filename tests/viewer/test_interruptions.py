@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from runtime.takes.camera_keys import CameraKey
@@ -21,19 +20,11 @@ from tests.helpers.app_driver import (
     run,
     run_until,
     save_and_leave,
+    screen_point,
     titles,
 )
 from viewer.app import App
-from viewer.edit.handles import on_screen
-from viewer.gl_bindings import imgui
 from viewer.session import opening, takes
-
-
-def screen(app: App, x: float, z: float) -> tuple[float, float]:
-    ground = np.array([x, float(app.scene.terrain.height(x, z)), z])
-    found = on_screen(app.scene.camera.current, ground, imgui.get_io().display_size)
-    assert found is not None
-    return found
 
 
 class Gate:
@@ -72,14 +63,14 @@ def blocks(app: App) -> list[tuple[int, int]]:
 def test_a_path_whose_first_point_is_taken_back_while_it_is_drawn(app: App, keys: tuple[str, ...]) -> None:
     app.scene.camera.current.yaw = 0.0
     do(app, "run 5; click Draw a path")
-    point(app, *screen(app, -1.0, 2.0))
-    point(app, *screen(app, -1.0, 2.0), 0, True)
+    point(app, *screen_point(app, -1.0, 2.0))
+    point(app, *screen_point(app, -1.0, 2.0), 0, True)
     assert len(app.path.points) == 1
     press(app, *keys)
     assert not app.path.points
     for x in (-0.5, 0.0, 1.0):
-        point(app, *screen(app, x, 2.0))
-    point(app, *screen(app, 1.0, 2.0), 0, False)
+        point(app, *screen_point(app, x, 2.0))
+    point(app, *screen_point(app, 1.0, 2.0), 0, False)
     assert not app.path.points
 
 

@@ -16,28 +16,20 @@ from tests.helpers.app_driver import (
     press,
     run,
     run_until,
+    screen_point,
 )
 from viewer.app import App
-from viewer.edit.handles import on_screen
-from viewer.gl_bindings import imgui
-
-
-def screen(app: App, x: float, z: float) -> tuple[float, float]:
-    point = np.array([x, float(app.scene.terrain.height(x, z)), z])
-    found = on_screen(app.scene.camera.current, point, imgui.get_io().display_size)
-    assert found is not None
-    return found
 
 
 def test_a_drag_draws_a_path(app: App) -> None:
     app.scene.camera.current.yaw = 0.0
     do(app, "run 5; click Draw a path")
-    point(app, *screen(app, -1.0, 2.0))
-    hand.mouse(app.window, *screen(app, -1.0, 2.0), 0, True)
+    point(app, *screen_point(app, -1.0, 2.0))
+    hand.mouse(app.window, *screen_point(app, -1.0, 2.0), 0, True)
     for x in np.linspace(-1.0, 1.2, 23):
-        hand.mouse(app.window, *screen(app, float(x), 2.0 + 0.5 * (float(x) + 1.0)))
+        hand.mouse(app.window, *screen_point(app, float(x), 2.0 + 0.5 * (float(x) + 1.0)))
         run(app)
-    point(app, *screen(app, 1.2, 3.1), 0, False)
+    point(app, *screen_point(app, 1.2, 3.1), 0, False)
     points = np.array([(p.x, p.z) for p in app.path.points])
     assert 3 <= len(points) <= 5
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -52,18 +44,18 @@ def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
     yaw = app.scene.camera.current.yaw
     click_on(app, "Draw a path")
     for place in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5)):
-        click(app, *screen(app, *place))
+        click(app, *screen_point(app, *place))
     tool = app.path
     drawn = ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5))
     near = [(pytest.approx(x, abs=0.02), pytest.approx(z, abs=0.1)) for x, z in drawn]
     assert [(p.x, p.z) for p in tool.points] == near
     assert app.scene.camera.current.yaw == yaw  # the camera stays
-    click(app, *screen(app, 0.6, 3.0))  # takes the point that is there
+    click(app, *screen_point(app, 0.6, 3.0))  # takes the point that is there
     assert (len(tool.points), tool.selected) == (3, 1)
-    x, y = screen(app, 0.6, 3.0)
+    x, y = screen_point(app, 0.6, 3.0)
     point(app, x, y, 0, True)
-    point(app, *screen(app, 1.0, 3.0))
-    point(app, *screen(app, 1.0, 3.0), 0, False)
+    point(app, *screen_point(app, 1.0, 3.0))
+    point(app, *screen_point(app, 1.0, 3.0), 0, False)
     assert tool.points[1].x == pytest.approx(1.0, abs=0.05)
     click_on(app, "Jog")
     assert tool.points[1].gait is Gait.JOG

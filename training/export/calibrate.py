@@ -139,16 +139,17 @@ def calibrate(
     phrasing: ModelPhrasing | None = None,
     text_encoder: Path | None = None,
     workers: int = 1,
+    store: Path | None = None,
 ) -> None:
     """Measure a model folder without calibration, in `workers` processes, and write the result into its metadata.
 
-    `phrasing` defaults to the shipped one of a model of that name.
+    `phrasing` defaults to the shipped one of a model of that name; `store` keeps the walks for a run that was killed.
     """
     metadata = read_metadata(folder)
     if metadata.pop("calibration", None) is not None:
         write_metadata(folder, metadata)
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=text_encoder, phrasing=ModelPhrasing())
-    walker = Walker(folder, workers, PHRASE_S)
+    walker = Walker(folder, workers, PHRASE_S, store)
     codes = calibrated(model, prompter, walker, phrasing or phrasing_of(model.name))
     write_metadata(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})

@@ -7,8 +7,10 @@ to each sentence to `shares.json`.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import logging
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,7 @@ from runtime.assets import asset_path, model_folder
 from runtime.atomic import check_target, write_atomic
 from runtime.errors import run_command
 from runtime.motion.model import load_model
-from runtime.motion.model_files import read_metadata
+from runtime.motion.model_files import read_metadata, write_metadata
 from runtime.prompts.library_data import load_library, load_styles
 from runtime.prompts.phrasing import ADHERENCE, PHRASINGS, ModelPhrasing, adherence_of, load_phrasings
 from runtime.prompts.prompter import Prompter
@@ -27,23 +29,37 @@ from training.evaluation.text.wording import measure_wording
 from training.export.calibrate import calibrate
 
 
-def measure_words(folder: Path, assets: Path, workers: int) -> None:
-    """Measure a calibrated model folder in `workers` processes; `assets` contains the tables. KeyError without calibration."""
-    shares, wording = assets / ADHERENCE, assets / PHRASINGS
-    check_target(shares)
-    model, known = load_model(folder), adherence_of()
-    prompter = Prompter(model, phrasing=ModelPhrasing())
-    sentences = {*known.sentences, *known.clauses}
-    _write(wording, model.name, measure_wording(Walker(folder, workers, PHRASE_S), prompter, sentences))
-    phrasing = load_phrasings(wording)[model.name]
-    calibrate(folder, read_metadata(folder)["calibration"]["phase"], phrasing, workers=workers)
-    model = load_model(folder)
+def measure_words(folder: Path, assets: Path, workers: int, work: Path) -> None:
+    """Measure a calibrated model folder in `workers` processes; `assets` contains the tables. KeyError without calibration.
+
+    Walks and results of steps are kept under `work` until the end: a run that was killed continues with them.
+    """
+    check_target(assets / ADHERENCE)
+    metadata = read_metadata(folder)
+    signs, name = metadata["calibration"]["phase"], metadata["name"]
+    # a folder of its own for these graphs and this calibration
+    work /= f"{name}-{hashlib.sha256((folder / 'metadata.json').read_bytes()).hexdigest()[:12]}"
+    wording, calibrated, done = work / "wording.json", work / "model", work / "calibrated"
+    if not wording.is_file():
+        known = adherence_of()
+        prompter = Prompter(load_model(folder), phrasing=ModelPhrasing())
+        walker = Walker(folder, workers, PHRASE_S, work / "wording")
+        _write(wording, name, measure_wording(walker, prompter, {*known.sentences, *known.clauses}))
+    phrasing = load_phrasings(wording)[name]
+    if not done.is_file():
+        shutil.copytree(folder, calibrated, dirs_exist_ok=True)
+        calibrate(calibrated, signs, phrasing, workers=workers, store=work / "calibration")
+        write_atomic(done, "")
+    model = load_model(calibrated)
     styles = load_styles(asset_path("prompts/styles.json"))
     entries = [e.descriptions for e in load_library(asset_path("prompts/library.json"), styles).entries]
-    prompter = Prompter(model, phrasing=phrasing)
-    found = measure_adherence(model, prompter, Walker(folder, workers, PHRASE_S), entries)
+    walker = Walker(calibrated, workers, PHRASE_S, work / "adherence")
+    found = measure_adherence(model, Prompter(model, phrasing=phrasing), walker, entries)
     found.add_plain(styles)
-    _write(shares, model.name, found.table())
+    _write(assets / ADHERENCE, name, found.table())
+    _write(assets / PHRASINGS, name, json.loads(wording.read_text("utf-8"))[name])
+    write_metadata(folder, read_metadata(calibrated))
+    shutil.rmtree(work)
 
 
 def _write(path: Path, model: str, table: dict[str, Any]) -> None:
@@ -62,8 +78,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         "--assets", type=Path, default=Path("assets"), metavar="DIR", help="folder of the tables"
     )
     parser.add_argument("--workers", type=int, default=2, metavar="N")
+    parser.add_argument(
+        "--work",
+        type=Path,
+        default=Path("out/words"),
+        metavar="DIR",
+        help="folder of walks already made, with which a killed run continues",
+    )
     args = parser.parse_args(argv)
-    measure_words(args.model, args.assets, args.workers)
+    measure_words(args.model, args.assets, args.workers, args.work)
 
 
 if __name__ == "__main__":

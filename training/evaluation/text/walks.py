@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import hashlib
+import pickle
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cached_property
 from itertools import chain
@@ -12,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.atomic import write_atomic
 from runtime.measures.table import BodyMeasures, measure
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
@@ -26,14 +29,21 @@ LEAD_SECONDS = 2.0  # walked before measuring, to leave out standing and the sta
 WALK_S = 6.0
 LOGGED = 64  # walks between two lines of the log
 Key = tuple[bytes, int]  # of a walk: Z^t and seed
-Job = tuple[Path, Sequence[Key], float]  # folder of a model, walks, and their length in seconds
+Job = tuple[
+    Path, Sequence[Key], float, Path | None
+]  # folder of a model, walks, their length in seconds, and the store
 
 
 class Walker:
-    """Generates walks in batches with a model in full precision, in `workers` processes; equal walks are cached."""
+    """Generates walks in batches with a model in full precision, in `workers` processes; equal walks are cached.
 
-    def __init__(self, folder: Path, workers: int = 1, seconds: float = WALK_S) -> None:
-        self.folder, self.workers, self.seconds = folder, workers, seconds
+    With a `store`, a folder that belongs to this model alone, every batch is written there, so that a killed run continues.
+    """
+
+    def __init__(
+        self, folder: Path, workers: int = 1, seconds: float = WALK_S, store: Path | None = None
+    ) -> None:
+        self.folder, self.workers, self.seconds, self.store = folder, workers, seconds, store
         self._made: dict[Key, Summary] = {}
 
     @cached_property
@@ -46,7 +56,7 @@ class Walker:
         keys = list(zip(texts, seeds or [0] * len(texts), strict=True))
         new = [key for key in dict.fromkeys(keys) if key not in self._made]
         size = min(TOGETHER, -(-len(new) // self.workers)) or 1
-        jobs = [(self.folder, new[k : k + size], self.seconds) for k in range(0, len(new), size)]
+        jobs = [(self.folder, new[k : k + size], self.seconds, self.store) for k in range(0, len(new), size)]
         for number, (key, summary) in enumerate(zip(new, self._walked(jobs), strict=True), 1):
             self._made[key] = summary
             if number % LOGGED == 0:
@@ -59,11 +69,23 @@ class Walker:
             with ProcessPoolExecutor(self.workers, mp_context=get_context("spawn")) as pool:
                 yield from chain.from_iterable(pool.map(_make, jobs))
         else:
-            yield from chain.from_iterable(_walks(self._model, *job[1:]) for job in jobs)
+            yield from chain.from_iterable(_stored(job, lambda: self._model) for job in jobs)
 
 
 def _make(job: Job) -> list[Summary]:
-    return _walks(_loaded(job[0]), *job[1:])
+    return _stored(job, lambda: _loaded(job[0]))
+
+
+def _stored(job: Job, model: Callable[[], MotionModel]) -> list[Summary]:
+    """Return the walks of a job from its store, or make them and write them there."""
+    _, keys, seconds, store = job
+    if store is None:
+        return _walks(model(), keys, seconds)
+    path = store / f"{hashlib.sha256(repr((keys, seconds)).encode()).hexdigest()}.pickle"
+    if not path.is_file():
+        write_atomic(path, pickle.dumps(_walks(model(), keys, seconds)))
+    found: list[Summary] = pickle.loads(path.read_bytes())
+    return found
 
 
 def _walks(model: MotionModel, keys: Sequence[Key], seconds: float) -> list[Summary]:

@@ -26,6 +26,7 @@ from runtime.prompts.english.compose import (
     pace_as_stated,
     sources_note,
     with_figure,
+    without_denied,
     words_of_parts,
 )
 from runtime.prompts.english.grammar import grammar
@@ -104,7 +105,9 @@ class LibraryExpander:
         library = self._library
         whole = library.phrases.whole(prompt)
         if whole is not None:
-            others = [(i, s) for i, s in self._rank(prompt) if i != whole][:MAX_NEIGHBOURS]
+            # any prompt that walks is similar to a neutral one
+            ranked = [] if whole in library.plain else self._rank(prompt)
+            others = [(i, s) for i, s in ranked if i != whole][:MAX_NEIGHBOURS]
             return self._expansion(whole, self._near([(whole, 1.0), *others]), {}, "")
         if is_foreign(prompt, library.phrases.known):
             return self._in_another_language(prompt)
@@ -170,6 +173,7 @@ class LibraryExpander:
         library = self._library
         elements, paced = pace_as_stated(elements, reading.elements, library.entries)
         chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
+        chosen = without_denied(chosen, reading.denials, entries, library.embeddings, library.neutral)
         # without similarities of single words, which would be a second number beside that of the whole prompt
         sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
@@ -182,6 +186,8 @@ class LibraryExpander:
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
         """Return why words beside a prompt's phrases describe no movement, or "" if they do; `best` is the nearest cosine."""
+        if not reading.elements and all(word.stem in PLACES for word in words):
+            return f"“{_short(text)}” names a body part, but nothing that it does: neutral."
         if not any(words[i].says for i in reading.left) or self._about_a_person(words, reading.elements):
             return ""
         if knows_no_word(text, self._library.phrases.known) and best < NEAR_COSINE:
@@ -226,10 +232,10 @@ class LibraryExpander:
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
         return self._expansion(words_of_parts(chosen, entries), near, stated, note)
 
-    def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
+    def _denied(self, denials: tuple[Element, ...], stated: dict[str, str], note: str) -> Expansion:
         """Expand a prompt that only denies: the opposite if the library has one, else neutral."""
         entries = self._library.entries
-        opposite = next((entries[i].opposite for i in denials if entries[i].opposite), "")
+        opposite = next((entries[e.entry].opposite for e in denials if entries[e.entry].opposite), "")
         if not opposite:
             return self._neutral((), stated, note)
         entry = next(i for i, e in enumerate(entries) if e.prompt == opposite)

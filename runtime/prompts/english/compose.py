@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from runtime.edits.request import PACE, USUAL_OUTWARD_M
 from runtime.prompts.edit_targets import PLAIN_LEG, targets_of
-from runtime.prompts.english.phrases import FIGURES, QUALITIES, SLIGHT_STRENGTH, Element
+from runtime.prompts.english.phrases import FIGURES, SLIGHT_STRENGTH, Element
 from runtime.prompts.english.sides import OPPOSITE, SIDE, only_side
 from runtime.prompts.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 WHOLE_FIGURE_PARTS = 5  # an entry that defines this many parts is a whole figure or scene
-DENIED_COSINE = 0.75  # of a figure's sentence with one that the prompt denies
 TEMPERATURE = 0.06  # of the softmax over the similarities of neighbours
 # Priority of entries that define the same part: physical constraints before feelings.
 _ORDER = (
@@ -26,7 +25,6 @@ _ORDER = (
     "arms"
 )
 _PRECEDENCE = {name: 1.0 + 0.03 * rank for rank, name in enumerate(_ORDER.split())}
-_MOVEMENTS = ("arms", "steps", "posture", "walks", "injuries")  # categories named by what the body does
 _PAIRS = {"arms": ("left_arm", "right_arm"), "legs": ("left_leg", "right_leg")}
 _GROUPS = {**_PAIRS, "torso": ("torso",), "head": ("head",)}
 
@@ -72,25 +70,6 @@ def compose_elements(
     for element in elements:
         sources.update(dict.fromkeys(element.only, element.entry))
     return sources
-
-
-def without_denied(
-    sources: dict[str, int],
-    denials: Sequence[Element],
-    entries: tuple[LibraryEntry, ...],
-    embeddings: LibraryEmbeddings,
-    neutral: int,
-) -> dict[str, int]:
-    """Return the entry of each part, neutral where a figure or mood does what is denied: "an old woman, no stoop"."""
-    kept = dict(sources)
-    for element in denials:
-        denied = entries[element.entry]
-        for part in (element.only or denied.defines) if denied.category in _MOVEMENTS else ():
-            own, said = sources[part], embeddings.parts[:, PART_NAMES.index(part)]
-            does = said[own] @ said[element.entry] > max(DENIED_COSINE, said[neutral] @ said[element.entry])
-            if does and entries[own].category in (*FIGURES, *QUALITIES):
-                kept[part] = neutral
-    return kept
 
 
 def pace_as_stated(

@@ -26,12 +26,19 @@ from runtime.prompts.english.compose import (
     pace_as_stated,
     sources_note,
     with_figure,
-    without_denied,
     words_of_parts,
 )
 from runtime.prompts.english.grammar import grammar
 from runtime.prompts.english.other_languages import OtherLanguages
-from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
+from runtime.prompts.english.phrases import (
+    FIGURES,
+    QUALITIES,
+    Element,
+    PhraseIndex,
+    Reading,
+    numbers_of,
+    read_phrases,
+)
 from runtime.prompts.english.sides import OPPOSITE, named_side
 from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
@@ -65,8 +72,10 @@ ANIMAL_MARGIN_SCORE = 0.25  # allowed below a bodily score of 0 if an animal is 
 # penalty on a sentence that no walk shows
 UNSEEN_PENALTY_FRACTION = 0.15
 MAX_NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
+DENIED_COSINE = 0.75  # of a figure's sentence with one that the prompt denies
 SAME_GESTURE_COSINE = 0.66  # between two sentences of an arm that describe the same gesture
 MAX_STRETCHES = 4  # embedded per prompt
+_MOVEMENTS = ("arms", "steps", "posture", "walks", "injuries")  # categories named by what the body does
 _OF_ONE_ARM = re.compile(r"\b(?:left|right|one)\b")
 LIMP = "limping on the {s} leg"  # a library entry
 _REMEDY = "Write English, choose a language model, or install sport-viewer[languages]."
@@ -173,7 +182,7 @@ class LibraryExpander:
         library = self._library
         elements, paced = pace_as_stated(elements, reading.elements, library.entries)
         chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
-        chosen = without_denied(chosen, reading.denials, entries, library.embeddings, library.neutral)
+        self._drop_denied(chosen, reading.denials)
         # without similarities of single words, which would be a second number beside that of the whole prompt
         sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
@@ -183,6 +192,18 @@ class LibraryExpander:
             paced | parsed.parts,
             " ".join(filter(None, notes)),
         )
+
+    def _drop_denied(self, sources: dict[str, int], denials: Sequence[Element]) -> None:
+        """Make a part neutral where a figure or mood does what is denied: "an old woman, no stoop"."""
+        library = self._library
+        for denied in denials:
+            entry = library.entries[denied.entry]
+            for part in (denied.only or entry.defines) if entry.category in _MOVEMENTS else ():
+                sentences = library.embeddings.parts[:, PART_NAMES.index(part)]
+                alike = sentences @ sentences[denied.entry]
+                does = alike[sources[part]] > max(DENIED_COSINE, alike[library.neutral])
+                if does and library.entries[sources[part]].category in (*FIGURES, *QUALITIES):
+                    sources[part] = library.neutral
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
         """Return why words beside a prompt's phrases describe no movement, or "" if they do; `best` is the nearest cosine."""

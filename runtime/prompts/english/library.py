@@ -114,7 +114,7 @@ class LibraryExpander:
         library = self._library
         whole = library.phrases.whole(prompt)
         if whole is not None:
-            # any prompt that walks is similar to a neutral one
+            # any prompt that walks is similar to a neutral one, here and below
             ranked = [] if whole in library.plain else self._rank(prompt)
             others = [(i, s) for i, s in ranked if i != whole][:MAX_NEIGHBOURS]
             return self._expansion(whole, self._near([(whole, 1.0), *others]), {}, "")
@@ -147,9 +147,13 @@ class LibraryExpander:
     def _expand_english(self, prompt: str) -> Expansion:
         parsed = parse_clauses(plain_denials(prompt), self._knows_thing)
         parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
-        words = words_of(parsed.rest)
+        words, whole = words_of(parsed.rest), self._library.phrases.whole(parsed.rest)
         if any(word.says for word in words):
-            expansion = self._expand_rest(parsed, words)
+            expansion = (
+                self._expansion(whole, self._near([(whole, 1.0)]), parsed.parts, "")
+                if whole in self._library.plain
+                else self._expand_rest(parsed, words)
+            )
             return self._with_one_gesture(expansion) if _OF_ONE_ARM.search(prompt.lower()) else expansion
         note = "" if parsed.parts else "The prompt names no style: neutral."
         expansion = self._neutral((), parsed.parts, note)
@@ -188,7 +192,7 @@ class LibraryExpander:
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(
             words_of_parts(chosen, entries),
-            self._near(ranked),
+            self._near(ranked if set(chosen.values()).difference(library.plain) else ()),
             paced | parsed.parts,
             " ".join(filter(None, notes)),
         )
@@ -370,7 +374,7 @@ class LibraryExpander:
         order = np.argsort(-by_entry, kind="stable")[: MAX_NEIGHBOURS + 1]
         return [(int(i), float(np.clip(by_entry[i], -1.0, 1.0))) for i in order]
 
-    def _near(self, ranked: list[tuple[int, float]]) -> Near:
+    def _near(self, ranked: Iterable[tuple[int, float]]) -> Near:
         return tuple((self._library.entries[i].prompt, similarity) for i, similarity in ranked)
 
     @cached_property

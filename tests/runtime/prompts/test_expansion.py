@@ -44,6 +44,9 @@ NEUTRAL = "a person walking normally"
 # --- one entry
 def test_a_neutral_prompt_is_near_nothing_else() -> None:
     assert expand(DEFAULT_PROMPT).nearest == (("someone walking in a relaxed, everyday way", 1.0),)
+    with_a_clause = f"{DEFAULT_PROMPT}, left hand on the hip"
+    assert expand(with_a_clause).nearest == expand(DEFAULT_PROMPT).nearest
+    assert moves_like(with_a_clause, DEFAULT_PROMPT, ("right_arm", *LEGS, "torso", "head"))
     assert len(expand("a zombie").nearest) > 1
 
 

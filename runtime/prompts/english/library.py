@@ -147,13 +147,12 @@ class LibraryExpander:
     def _expand_english(self, prompt: str) -> Expansion:
         parsed = parse_clauses(plain_denials(prompt), self._knows_thing)
         parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
-        words, whole = words_of(parsed.rest), self._library.phrases.whole(parsed.rest)
+        words = words_of(parsed.rest)
         if any(word.says for word in words):
-            expansion = (
-                self._expansion(whole, self._near([(whole, 1.0)]), parsed.parts, "")
-                if whole in self._library.plain
-                else self._expand_rest(parsed, words)
-            )
+            whole = self._library.phrases.whole(parsed.rest)
+            if whole in self._library.plain:
+                return self._expansion(whole, self._near([(whole, 1.0)]), parsed.parts, "")
+            expansion = self._expand_rest(parsed, words)
             return self._with_one_gesture(expansion) if _OF_ONE_ARM.search(prompt.lower()) else expansion
         note = "" if parsed.parts else "The prompt names no style: neutral."
         expansion = self._neutral((), parsed.parts, note)
@@ -192,7 +191,7 @@ class LibraryExpander:
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(
             words_of_parts(chosen, entries),
-            self._near(ranked if set(chosen.values()).difference(library.plain) else ()),
+            self._near(ranked * bool(set(chosen.values()).difference(library.plain))),
             paced | parsed.parts,
             " ".join(filter(None, notes)),
         )
@@ -211,8 +210,6 @@ class LibraryExpander:
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
         """Return why words beside a prompt's phrases describe no movement, or "" if they do; `best` is the nearest cosine."""
-        if not reading.elements and all(word.stem in PLACES for word in words):
-            return f"“{_short(text)}” names a body part, but nothing that it does: neutral."
         if not any(words[i].says for i in reading.left) or self._about_a_person(words, reading.elements):
             return ""
         if knows_no_word(text, self._library.phrases.known) and best < NEAR_COSINE:
@@ -246,6 +243,9 @@ class LibraryExpander:
         note: str,
     ) -> Expansion:
         """Return the nearest entry, or the consensus of the nearest ones; neutral if they are far."""
+        if all(word.stem in PLACES for word in words_of(text)):
+            reason = f"“{_short(text)}” names a body part, but nothing that it does: neutral."
+            return self._neutral((), stated, f"{reason} {note}".strip())
         best, near = ranked[0][1], self._near(ranked)
         if best < GUESS_COSINE or self._only_a_part_in_common(text, ranked[0]):
             reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
@@ -374,7 +374,7 @@ class LibraryExpander:
         order = np.argsort(-by_entry, kind="stable")[: MAX_NEIGHBOURS + 1]
         return [(int(i), float(np.clip(by_entry[i], -1.0, 1.0))) for i in order]
 
-    def _near(self, ranked: Iterable[tuple[int, float]]) -> Near:
+    def _near(self, ranked: list[tuple[int, float]]) -> Near:
         return tuple((self._library.entries[i].prompt, similarity) for i, similarity in ranked)
 
     @cached_property

@@ -384,8 +384,6 @@ class GraphEditor:
 
     def _let_go(self, grab: Grab, curves: KeyedCurves, channels: list[Channel]) -> None:
         self._grab = None
-        if grab.what == "keys":
-            self.editor.finish_drag()
         if grab.what != "box":
             return
         corner, mouse = implot.plot_to_pixels(grab.frame, grab.value), imgui.get_mouse_pos()

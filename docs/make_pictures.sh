@@ -25,7 +25,7 @@ sport generate "${model[@]}" --terrain hills --path circle --seconds 21 --seed 3
 13:a proud queen, hands on her hips; 17:walking in a relaxed, everyday way"
 sport convert "$clips/film.bvh" "$images/film.webp" --fps 15 --size 640x360 --camera front
 
-shot viewer.png 1280x720 230 --character walker --terrain hills --prompt "an exhausted soldier, left arm hanging" --keys "w 3.3; w+q 0.6"
+shot viewer.png 1280x720 230 --character walker --terrain hills --prompt "an exhausted soldier, left arm hanging" --keys "3 0.1; s+d 3.8"
 shot blend.png 1280x720 110 --terrain flat --prompt "a proud queen" --blend "an exhausted soldier" \
   --blend-weights "left_leg=0.3,right_leg=0.3,torso=1,head=0.5" --keys "w 1.3; w+q 0.6"
 shot help.png 1280x720 3 --keys "f1 0.2" --terrain flat
@@ -67,12 +67,15 @@ done
 python -m viewer.tools.contact_sheet "${files[@]}" --labels "${words[@]}" --start 4 --interval 0.2 --out "$images/words.png"
 echo "$images/words.png"
 
-# As small as they get without a loss
+# As small as they get without a loss; the viewer's, first in the README, in 256 colours
 python - "$images"/*.png <<'PYTHON'
 import sys
 
 from PIL import Image
 
 for path in sys.argv[1:]:
-    Image.open(path).convert("RGB").save(path, optimize=True)
+    picture = Image.open(path).convert("RGB")
+    if path.endswith("/viewer.png"):
+        picture = picture.quantize(palette=picture.quantize(256, kmeans=3), dither=Image.Dither.FLOYDSTEINBERG)
+    picture.save(path, optimize=True)
 PYTHON

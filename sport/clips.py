@@ -25,7 +25,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     from runtime.generate import check_seconds, generate_clip
     from runtime.motion.features import FPS
     from runtime.terrain.library import load_terrain
-    from sport.commands.export import check_outputs, export_options, note, write_take
+    from sport.commands.export import check_length, check_outputs, export_options, note, write_take
 
     export = export_options(options)
     outputs = _outputs(options)
@@ -34,6 +34,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     arguments = _arguments(options, controls)
     if any(out.suffix.lower() == ".bvh" for out in outputs):
         check_bvh_length(seconds, export.fps)
+    check_length(outputs, export, seconds)
     check_outputs(outputs, export)
     terrain = load_terrain(options.terrain)
     if terrain.note:

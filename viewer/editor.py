@@ -33,6 +33,7 @@ class Editor:
     withdraw: list[Callable[[], bool]] = field(default_factory=list)
     opened: Session = field(init=False)  # as it was when its file was opened
     session: Session = field(init=False)  # the current one, including a drag in progress
+    dragger: object = None  # the tool whose mouse drag is in progress
     _draft: Session | None = None
     _draft_label: str = ""
     # the job by the number of the step that it computes
@@ -108,6 +109,11 @@ class Editor:
         for number in sorted(self._running, reverse=True):
             self._abandon(number)
 
+    def begin_drag(self, dragger: object) -> None:
+        """Begin a tool's mouse drag; it ends with any step, undo or redo, after which what it holds may be gone."""
+        self.finish_drag()
+        self.dragger = dragger
+
     def drag(self, label: str, change: Change) -> None:
         """Change the session during a mouse drag; it is shown at once, and all calls of a drag with one label are one step of undo."""
         if self._draft is not None and label != self._draft_label:
@@ -129,7 +135,7 @@ class Editor:
 
     def finish_drag(self) -> None:
         """Make the finished drag a step of undo."""
-        draft, self._draft = self._draft, None
+        draft, self._draft, self.dragger = self._draft, None, None
         if draft is None or draft == self.history.present.session:
             return
         before = self.history.present.session
@@ -202,7 +208,7 @@ class Editor:
     def use(self, file: SessionFile, history: History) -> None:
         """Switch to another session and its file; the caller closes the old file."""
         before = self.session
-        self._draft, self.file, self.history = None, file, history
+        self._draft, self.dragger, self.file, self.history = None, None, file, history
         self.opened = history.present.session
         self._tell(before)
 

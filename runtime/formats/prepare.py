@@ -98,12 +98,18 @@ def with_contacts(clip: Clip, terrain: Terrain | None) -> Clip:
     return replace(clip, contacts=measured_contacts(clip.world()[0], clip.fps, ground))
 
 
-def _in_range(clip: Clip, track: RootTrack, options: ExportOptions) -> tuple[Clip, RootTrack]:
-    first = round(options.start_s * clip.fps)
-    last = len(clip) - 1 if options.end_s is None else min(round(options.end_s * clip.fps), len(clip) - 1)
+def frames_in_range(options: ExportOptions, count: int, fps: float) -> tuple[int, int]:
+    """Return the first and last of `count` frames that the options keep; UsageError if they begin after the end."""
+    first = round(options.start_s * fps)
+    last = count - 1 if options.end_s is None else min(round(options.end_s * fps), count - 1)
     if not 0 <= first <= last:
-        problem = f" {options.start_s:g}: the clip lasts {clip.seconds:.1f} s."
+        problem = f" {options.start_s:g}: the clip lasts {(count - 1) / fps:.1f} s."
         raise UsageError(problem, "Choose an earlier start.", "start_s")
+    return first, last
+
+
+def _in_range(clip: Clip, track: RootTrack, options: ExportOptions) -> tuple[Clip, RootTrack]:
+    first, last = frames_in_range(options, len(clip), clip.fps)
     whole = (first, last) == (0, len(clip) - 1)
     return (clip, track) if whole else (clip.trim(first, last), track.cut(first, last))
 

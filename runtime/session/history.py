@@ -29,8 +29,6 @@ class History:
 
     steps: list[Step] = field(default_factory=lambda: [Step(0, "", Session())])
     at: int = 0  # index of the present step
-    # steps that were made, undone and redone: a drag of the mouse ends with one, as what it holds may be gone
-    moves: int = field(default=0, compare=False)
 
     @property
     def present(self) -> Step:
@@ -60,7 +58,7 @@ class History:
         if excess > 0:  # the oldest step kept must not be an awaited one
             kept = [i for i, step in enumerate(self.steps) if not step.awaited]
             del self.steps[: next((i for i in kept if i >= excess), kept[-1])]
-        self.at, self.moves = len(self.steps) - 1, self.moves + 1
+        self.at = len(self.steps) - 1
         return self.steps[-1]
 
     def land(self, number: int, change: Callable[[Session], Session]) -> None:
@@ -91,5 +89,5 @@ class History:
         """Undo (-1) or redo (1) a step; return whether there was one."""
         if not 0 <= self.at + by < len(self.steps):
             return False
-        self.at, self.moves = self.at + by, self.moves + 1
+        self.at += by
         return True

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 from runtime.atomic import check_target
 from runtime.errors import UsageError
 from runtime.formats.options import ExportOptions
-from runtime.formats.prepare import on_its_ground, prepare
+from runtime.formats.prepare import frames_in_range, on_its_ground, prepare
 from runtime.formats.table import check_export, format_of, save_ground_beside, save_motion
-from runtime.pose import video_rate
+from runtime.pose import FPS, video_rate
 from runtime.safe_read import printable
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
@@ -76,6 +76,20 @@ def check_outputs(paths: list[Path], options: ExportOptions) -> None:
             note(f"{path.parent}: this folder is new.")
 
 
+def check_length(paths: list[Path], options: ExportOptions, seconds: float) -> None:
+    """Raise UsageError if the range begins after a generated clip's end, or a film of it has too many frames."""
+    for path in paths:
+        film = format_of(path).film
+        fps = FPS if film else options.fps
+        first, last = frames_in_range(options, max(round(seconds * fps), 1), fps)
+        if film and not options.loop:
+            from viewer.filming.film import count_frames
+            from viewer.filming.writers import check_writer
+
+            count = count_frames((last - first + 1) / fps, options.film_fps)
+            check_writer(path, film_options(options).size, count)
+
+
 def write_take(clip: Clip, path: Path, options: ExportOptions, terrain: Terrain) -> None:
     """Write a take to a file, and its ground next to it if requested; report the files."""
     if format_of(path).film:
@@ -83,7 +97,7 @@ def write_take(clip: Clip, path: Path, options: ExportOptions, terrain: Terrain)
 
         film = film_options(options)
         take = prepare(on_its_ground(clip), replace(options, fps=clip.fps), terrain)
-        total = count_frames(take.clip, film.fps)
+        total = count_frames(len(take.clip) / take.clip.fps, film.fps)
         note(f"{path}: a film of {total / film.fps:.1f} s, {total} frames")
         print(printable(film_of_take(take, terrain, path, options, film, _progress(path))))
         written = save_ground_beside(prepare(clip, options, terrain), options, terrain)

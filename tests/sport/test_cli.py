@@ -59,6 +59,23 @@ def test_impossible_lengths_are_named(seconds, tmp_path, capsys):
     assert capsys.readouterr().err == said
 
 
+@pytest.mark.parametrize(
+    ("name", "options", "expected"),
+    [("a.glb", ("--range", "30:"), "--range 30: the clip lasts 30.0 s."),
+     ("a.glb", ("--range", "1.6:", "--controls", "walk 1.5"), "--range 1.6: the clip lasts 1.5 s."),
+     ("a.gif", ("--fps", "60"), "1800 frames; .gif takes 1200 at most."),
+     ("a.webp", ("--fps", "60", "--range", ":25"), "1501 frames; .webp takes 1200 at most.")],
+)  # fmt: skip
+def test_a_range_or_film_that_does_not_fit_is_refused_before_anything_walks(
+    name, options, expected, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr("runtime.generate.generate_clip", lambda **_: pytest.fail("walked"))
+    length = () if "--controls" in options else ("--seconds", "30")
+    assert cli.main(["generate", *length, *options, "--out", str(tmp_path / "new" / name)]) == 2
+    assert expected in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_plain_sport_opens_the_viewer(viewed):
     assert cli.main([]) == 0
     assert viewed[0].offscreen is False

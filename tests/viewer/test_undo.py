@@ -1,5 +1,6 @@
 """The real application by mouse and keys: whatever a user made is undone by Ctrl+Z, one thing at a time, and is in the file."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from tests.helpers.foreign_rigs import RIGS
 from tests.helpers.walker import walk
 from viewer import services
 from viewer.app import App
+from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.session.opening import open_file
 
@@ -109,6 +111,22 @@ def test_one_drag_of_a_handle_is_one_step(app: App) -> None:
 
 
 # --- the list
+@pytest.mark.parametrize(
+    "end", [Editor.undo, Editor.redo, Editor.finish_drag, lambda editor: editor.put("name", 1, name="other")]
+)
+def test_a_tool_drags_until_the_next_step_or_another_tool(app: App, end: Callable[[Editor], object]) -> None:
+    record(app, 10)
+    one, other = object(), object()
+    app.editor.begin_drag(one)
+    app.editor.put("name", 1, held=True, name="dragged")
+    assert app.editor.dragger is one
+    end(app.editor)
+    assert app.editor.dragger is None
+    app.editor.begin_drag(one)
+    app.editor.begin_drag(other)
+    assert app.editor.dragger is other
+
+
 def test_a_removal_leaves_what_plays_alone(app: App) -> None:
     for _ in range(3):
         record(app, 10)

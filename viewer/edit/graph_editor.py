@@ -52,7 +52,6 @@ class Grab:
     value: float  # in the plot's axes
     before: KeyedCurves  # the curves at that time
     chosen: frozenset[CurveKey]  # the selection at that time
-    moves: int  # of the history at that time: the drag ends when there are more
 
 
 @dataclass
@@ -334,7 +333,7 @@ class GraphEditor:
 
     def _mouse(self, curves: KeyedCurves, channels: list[Channel], playback: Playback) -> None:
         mouse = implot.get_plot_mouse_pos()
-        if self._grab is not None and self._grab.moves != self.editor.history.moves:
+        if self.editor.dragger is not self:
             self._grab = None
         if self._grab is None and implot.is_plot_hovered():
             near = self._near(curves, channels)
@@ -368,10 +367,8 @@ class GraphEditor:
             what = "frame" if abs(line.x - imgui.get_mouse_pos().x) <= px(GRAB_PX) else "box"
         if what == "box" and not adds:
             self.chosen = frozenset()
-        self.editor.finish_drag()
-        self._grab = (
-            Grab(what, mouse.x, mouse.y, curves, self.chosen, self.editor.history.moves) if what else None
-        )
+        self.editor.begin_drag(self)
+        self._grab = Grab(what, mouse.x, mouse.y, curves, self.chosen) if what else None
 
     def _carry(self, grab: Grab, playback: Playback, mouse: implot.Point) -> None:
         if grab.what == "frame":
@@ -387,8 +384,6 @@ class GraphEditor:
 
     def _let_go(self, grab: Grab, curves: KeyedCurves, channels: list[Channel]) -> None:
         self._grab = None
-        if grab.what == "keys":
-            self.editor.finish_drag()
         if grab.what != "box":
             return
         corner, mouse = implot.plot_to_pixels(grab.frame, grab.value), imgui.get_mouse_pos()

@@ -27,19 +27,15 @@ class Handles:
 
     held: int = -1  # -1 for none
     pressed: bool = False  # in this frame, outside the panels
-    _moves: int = 0  # of the history when the point was grabbed
 
     def use_mouse(self, editor: Editor, camera: Camera, points: Array) -> bool:
         """Grab the nearest of `points` `(n, 3)` or release it; return whether a grabbed point is dragged in this frame."""
         io = imgui.get_io()
         self.pressed = imgui.is_mouse_clicked(0) and not io.want_capture_mouse
         if self.pressed:
-            editor.finish_drag()
-            self.held, self._moves = (
-                _nearest(camera, points, io.mouse_pos, io.display_size),
-                editor.history.moves,
-            )
-        elif self._moves != editor.history.moves or not imgui.is_mouse_down(0):
+            editor.begin_drag(self)
+            self.held = _nearest(camera, points, io.mouse_pos, io.display_size)
+        elif editor.dragger is not self or not imgui.is_mouse_down(0):
             self.held = -1
         return self.held >= 0 and not self.pressed and bool(io.mouse_delta.x or io.mouse_delta.y)
 

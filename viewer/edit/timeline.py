@@ -52,7 +52,6 @@ class Held:
     part: Part
     grabbed: int
     items: Items
-    moves: int  # of the history: after more the mouse holds nothing any more
     snaps: tuple[int, ...] = ()
     snapped: int | None = None
     by: int = 0
@@ -88,8 +87,8 @@ class Timeline:
     def _follow(self, playback: Playback) -> None:
         """Keep the range within the take, and the shown frame within it while playing or seeking."""
         (take, before), end, now = self._of, max(playback.frames - 1.0, 1.0), playback.frame
-        moves = self.selection.editing.takes.editor.history.moves
-        if take != playback.number or (self.held is not None and self.held.moves != moves):
+        dragger = self.selection.editing.takes.editor.dragger
+        if take != playback.number or (self.held is not None and dragger is not self):
             self.held = self.box = None
         if take != playback.number or (end != self.shown.end and self.whole):
             self.shown, self._zero = Range(0.0, end, end), playback.take.numbered_from
@@ -283,9 +282,8 @@ class Timeline:
                 selection.pick([item], extend=io.key_shift)
             items = selection.items if part is Part.BODY else [item]
         if item is not None or track.move is not None:
-            editor = selection.editing.takes.editor
-            editor.finish_drag()
-            self.held = Held(track.key, mark, part, frame, items, editor.history.moves, self._snaps(playback))
+            selection.editing.takes.editor.begin_drag(self)
+            self.held = Held(track.key, mark, part, frame, items, self._snaps(playback))
 
     def _snaps(self, playback: Playback) -> tuple[int, ...]:
         """Return the frames that a drag snaps to: the shown one, the trim, and the ends of unselected marks."""

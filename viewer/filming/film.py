@@ -121,9 +121,9 @@ MAX_FRAMES = 216_000  # an hour at 60 frames a second
 MAX_QUEUED_FRAMES = 6  # frames drawn ahead of the writer
 
 
-def count_frames(clip: Clip, fps: float) -> int:
-    """Return the number of frames of a film of the clip; UsageError if there are too many."""
-    count = max(1, round(len(clip) / clip.fps * fps))
+def count_frames(seconds: float, fps: float) -> int:
+    """Return the number of frames of a film of this length; UsageError if there are too many."""
+    count = max(1, round(seconds * fps))
     if count > MAX_FRAMES:
         raise UsageError(f"{count} frames of film: expected {MAX_FRAMES} at most.", "Choose a shorter range.")
     return count
@@ -134,7 +134,7 @@ def film_frames(
 ) -> Iterator[Frame]:
     """Yield the frames of a film, drawn by `draw`; `camera` overrides the one in the options."""
     see = camera or camera_path(options, clip, terrain)
-    for index in range(count_frames(clip, options.fps)):
+    for index in range(count_frames(len(clip) / clip.fps, options.fps)):
         seconds = index / options.fps
         pose = clip.sample(seconds)
         frame = draw(see(pose), pose)
@@ -162,7 +162,7 @@ def make_film(
     """
     options.check()
     terrain = terrain.seen_by(clip.size)
-    total = count_frames(clip, options.fps)
+    total = count_frames(len(clip) / clip.fps, options.fps)
     check_writer(path, options.size, total)
     camera = camera_path(options, clip, terrain, 0.0 if character is None else character.height)
     writing: deque[Future[None]] = deque()

@@ -30,7 +30,15 @@ from runtime.prompts.english.compose import (
 )
 from runtime.prompts.english.grammar import grammar
 from runtime.prompts.english.other_languages import OtherLanguages
-from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
+from runtime.prompts.english.phrases import (
+    FIGURES,
+    QUALITIES,
+    Element,
+    PhraseIndex,
+    Reading,
+    numbers_of,
+    read_phrases,
+)
 from runtime.prompts.english.sides import OPPOSITE, named_side
 from runtime.prompts.english.spelling import ENGLISH, Spelling, is_foreign, knows_no_word
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
@@ -64,8 +72,10 @@ ANIMAL_MARGIN_SCORE = 0.25  # allowed below a bodily score of 0 if an animal is 
 # penalty on a sentence that no walk shows
 UNSEEN_PENALTY_FRACTION = 0.15
 MAX_NEIGHBOURS = 4  # entries that vote for each part between GUESS and NEAR
+DENIED_COSINE = 0.75  # of a figure's sentence with one that the prompt denies
 SAME_GESTURE_COSINE = 0.66  # between two sentences of an arm that describe the same gesture
 MAX_STRETCHES = 4  # embedded per prompt
+_MOVEMENTS = ("arms", "steps", "posture", "walks", "injuries")  # categories named by what the body does
 _OF_ONE_ARM = re.compile(r"\b(?:left|right|one)\b")
 LIMP = "limping on the {s} leg"  # a library entry
 _REMEDY = "Write English, choose a language model, or install sport-viewer[languages]."
@@ -104,7 +114,9 @@ class LibraryExpander:
         library = self._library
         whole = library.phrases.whole(prompt)
         if whole is not None:
-            others = [(i, s) for i, s in self._rank(prompt) if i != whole][:MAX_NEIGHBOURS]
+            # any prompt that walks is similar to a neutral one, here and below
+            ranked = [] if whole in library.plain else self._rank(prompt)
+            others = [(i, s) for i, s in ranked if i != whole][:MAX_NEIGHBOURS]
             return self._expansion(whole, self._near([(whole, 1.0), *others]), {}, "")
         if is_foreign(prompt, library.phrases.known):
             return self._in_another_language(prompt)
@@ -137,6 +149,9 @@ class LibraryExpander:
         parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
         words = words_of(parsed.rest)
         if any(word.says for word in words):
+            whole = self._library.phrases.whole(parsed.rest)
+            if whole in self._library.plain:
+                return self._expansion(whole, self._near([(whole, 1.0)]), parsed.parts, "")
             expansion = self._expand_rest(parsed, words)
             return self._with_one_gesture(expansion) if _OF_ONE_ARM.search(prompt.lower()) else expansion
         note = "" if parsed.parts else "The prompt names no style: neutral."
@@ -170,15 +185,28 @@ class LibraryExpander:
         library = self._library
         elements, paced = pace_as_stated(elements, reading.elements, library.entries)
         chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
+        self._drop_denied(chosen, reading.denials)
         # without similarities of single words, which would be a second number beside that of the whole prompt
         sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(
             words_of_parts(chosen, entries),
-            self._near(ranked),
+            self._near(ranked * bool(set(chosen.values()).difference(library.plain))),
             paced | parsed.parts,
             " ".join(filter(None, notes)),
         )
+
+    def _drop_denied(self, sources: dict[str, int], denials: Sequence[Element]) -> None:
+        """Make a part neutral where a figure or mood does what is denied: "an old woman, no stoop"."""
+        library = self._library
+        for denied in denials:
+            entry = library.entries[denied.entry]
+            for part in (denied.only or entry.defines) if entry.category in _MOVEMENTS else ():
+                sentences = library.embeddings.parts[:, PART_NAMES.index(part)]
+                alike = sentences @ sentences[denied.entry]
+                does = alike[sources[part]] > max(DENIED_COSINE, alike[library.neutral])
+                if does and library.entries[sources[part]].category in (*FIGURES, *QUALITIES):
+                    sources[part] = library.neutral
 
     def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
         """Return why words beside a prompt's phrases describe no movement, or "" if they do; `best` is the nearest cosine."""
@@ -215,6 +243,9 @@ class LibraryExpander:
         note: str,
     ) -> Expansion:
         """Return the nearest entry, or the consensus of the nearest ones; neutral if they are far."""
+        if all(word.stem in PLACES for word in words_of(text)):
+            reason = f"“{_short(text)}” names a body part, but nothing that it does: neutral."
+            return self._neutral((), stated, f"{reason} {note}".strip())
         best, near = ranked[0][1], self._near(ranked)
         if best < GUESS_COSINE or self._only_a_part_in_common(text, ranked[0]):
             reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
@@ -226,10 +257,10 @@ class LibraryExpander:
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
         return self._expansion(words_of_parts(chosen, entries), near, stated, note)
 
-    def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
+    def _denied(self, denials: tuple[Element, ...], stated: dict[str, str], note: str) -> Expansion:
         """Expand a prompt that only denies: the opposite if the library has one, else neutral."""
         entries = self._library.entries
-        opposite = next((entries[i].opposite for i in denials if entries[i].opposite), "")
+        opposite = next((entries[e.entry].opposite for e in denials if entries[e.entry].opposite), "")
         if not opposite:
             return self._neutral((), stated, note)
         entry = next(i for i, e in enumerate(entries) if e.prompt == opposite)

@@ -31,8 +31,8 @@ _SIMILE = re.compile(r"\b(?:as )?(?P<adjective>\w+) as (?:an? |the )?(?P<thing>\
 MAX_PHRASE_WORDS = 9  # words of a phrase
 FIGURES = ("characters", "animals", "occupations")  # categories that say who walks
 _THINGS = ("weather", "ground", "loads")
-_QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories that say in which state
-_SAID_OF_ONE = (*_QUALITIES, "walks", "posture", "steps")
+QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories that say in which state
+_SAID_OF_ONE = (*QUALITIES, "walks", "posture", "steps")
 SLIGHT_STRENGTH, STRONG_STRENGTH = 0.6, 1.2  # of "slightly drunk" and "very drunk", relative to "drunk"
 _OBJECT_STARTS = word_set(
     "from by against toward towards of for after past to at with beside behind near before over on"
@@ -151,14 +151,14 @@ class PhraseIndex:
 class Reading:
     """The entries found in a prompt: `elements` in order, indices of the words `left` over, and the words `denied`.
 
-    `mentioned` are entries of other beings (the bear in "afraid of a bear"); `denials` are the denied entries.
+    `mentioned` are entries of other beings (the bear in "afraid of a bear"); `denials` are the denied ones.
     """
 
     elements: tuple[Element, ...]
     left: tuple[int, ...]
     denied: tuple[str, ...]
     mentioned: tuple[int, ...]
-    denials: tuple[int, ...] = ()
+    denials: tuple[Element, ...] = ()
 
     def affirmed(self, words: list[Word]) -> str:
         """Return the prompt without its denials, or "" if nothing meaningful is left."""
@@ -181,16 +181,16 @@ def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
 
 def _denials(
     words: list[Word], found: list[Element], covered: set[int]
-) -> tuple[set[int], list[str], list[int]]:
-    """Return indices of the words that deny or are denied, the denied texts, and the entries among them."""
+) -> tuple[set[int], list[str], list[Element]]:
+    """Return indices of the words that deny or are denied, the denied texts, and the elements among them."""
     gone: set[int] = set()
     denied: list[str] = []
-    entries: list[int] = []
+    found_denied: list[Element] = []
     for at in range(len(words)):
         if at in covered | gone or not _denies(words, at):
             continue
         elements = _denied_elements(words, found, at)
-        entries += [e.entry for e in elements]
+        found_denied += elements
         # without any, "no energy" describes by negation
         for reach in _reaches(words, elements, at):
             if gone.isdisjoint(reach):
@@ -198,7 +198,7 @@ def _denials(
             gone.update((at, *reach))
         if at in gone and words[at + 1].text == "longer":
             gone.add(at + 1)
-    return gone, denied, entries
+    return gone, denied, found_denied
 
 
 def _reaches(words: list[Word], elements: list[Element], at: int) -> list[list[int]]:
@@ -275,7 +275,7 @@ def _of_thing(
     element: Element, elements: list[Element], entries: tuple[LibraryEntry, ...], follows: list[Word]
 ) -> bool:
     """Return whether an element is an attribute of a following thing, or of something unknown to the library."""
-    if entries[element.entry].category not in _QUALITIES or not _says(follows):
+    if entries[element.entry].category not in QUALITIES or not _says(follows):
         return False
     thing = next((e for e in elements if e.start == element.end), None)
     return thing is None or entries[thing.entry].category in _THINGS

@@ -55,7 +55,7 @@ SIDES = word_set("left right upper lower both other")
 PLACES = frozenset(PART_WORDS) | SIDES | word_set("side ankle thigh heel toe wrist finger waist forearm")
 NEGATIONS = word_set("not never isn't aren't wasn't doesn't don't didn't neither nor")
 # deny only what the library knows: "no energy" is a kind of tiredness
-ABSENCES = word_set("no without less stop stops avoid avoids avoiding hardly")
+ABSENCES = word_set("no without minus less stop stops avoid avoids avoiding hardly")
 _SPELLINGS = dict(armor="armour", armored="armoured", plow="plough", mommy="mum", pajamas="pyjamas")
 # verbs that the library has only in their -ing form, and that are not common nouns
 _VERBS = (
@@ -142,7 +142,7 @@ def stem(word: str) -> str:
     word = _SPELLINGS.get(word, word)
     if len(word) > 4 and word.endswith("ies"):
         return word[:-3] + "y"
-    if len(word) > 3 and word.endswith("s") and not word.endswith(("ss", "us", "is")):
+    if len(word) > 3 and word.endswith("s") and not word.endswith(("ss", "us", "is", "does")):
         return word[:-1]
     return word
 

@@ -11,7 +11,7 @@ from runtime.errors import PromptError
 from runtime.prompts.edit_targets import left_to_network, targets_of
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.english.spelling import Spelling
-from runtime.prompts.expander import Expansion
+from runtime.prompts.expander import DEFAULT_PROMPT, Expansion
 from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.skeleton import PART_NAMES
 from tests.helpers.shipped import shipped_library
@@ -42,6 +42,14 @@ NEUTRAL = "a person walking normally"
 
 
 # --- one entry
+def test_a_neutral_prompt_is_near_nothing_else() -> None:
+    assert expand(DEFAULT_PROMPT).nearest == (("someone walking in a relaxed, everyday way", 1.0),)
+    with_a_clause = f"{DEFAULT_PROMPT}, left hand on the hip"
+    assert expand(with_a_clause).nearest == expand(DEFAULT_PROMPT).nearest
+    assert moves_like(with_a_clause, DEFAULT_PROMPT, ("right_arm", *LEGS, "torso", "head"))
+    assert len(expand("a zombie").nearest) > 1
+
+
 def test_a_clause_overrides_only_its_part() -> None:
     plain, hanging = expand("an exhausted soldier"), expand("an exhausted soldier, left arm hanging")
     assert hanging.explicit_parts == ("left_arm",)
@@ -143,7 +151,10 @@ def test_only_clauses_are_explicit_on_a_neutral_body() -> None:
 
 
 # --- several entries
-@pytest.mark.parametrize(("prompt", "sources"), table(__file__, "mixtures_are_by_part"))
+@pytest.mark.parametrize(
+    ("prompt", "sources"),
+    table(__file__, "mixtures_are_by_part") + table(__file__, "what_is_denied_of_a_figure_is_taken_from_it"),
+)
 def test_mixtures_are_by_part(prompt: str, sources: dict[str, str]) -> None:
     groups = {"arms": ARMS, "legs": LEGS}
     for entry, words in sources.items():
@@ -190,7 +201,15 @@ def test_a_mood_is_kept_beside_a_figure_near_the_whole_prompt() -> None:
 
 
 @pytest.mark.parametrize(
-    "prompt", ["arms do not swing", "his arms don't swing", "the arms cannot swing", "the arms never swing"]
+    "prompt",
+    [
+        "arms do not swing",
+        "his arms don't swing",
+        "the arms cannot swing",
+        "the arms never swing",
+        "no arm swing",
+        "walks without the arm swing",
+    ],
 )
 def test_arms_that_do_not_swing_hang_still(prompt: str) -> None:
     assert all("not swinging" in arm for arm in parts_of(prompt, ARMS))

@@ -1,7 +1,5 @@
 """Gait timing from contacts: stances and swings, stride phase, curves over swings, and means over a gait cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -6,8 +6,6 @@ fitting a sine), and the footstep phase of PFNN, 0 when the right foot lands and
 et al. 2017, Sec. 4.1).
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Cutting of clips: removes lead-ins and spikes, and splits clips into training and held-out parts."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter, defaultdict
 

@@ -1,7 +1,5 @@
 """Foot cleaning: feet in contact are fixed in place on the ground, and legs follow by IK."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Per-frame labels of a retargeted motion: foot contacts and gait."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Random ground: relief that does not touch footsteps, and hills and stairs for clips captured on a floor."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Content encoder (Sec. III-C, Fig. 4): body-part motion VAE, text VAE, and the sequence decoder between them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Motion decoders: the one-layer MoE decoder E_d of stage 2 and the x0-predicting denoiser of stage 3 (Sec. III-E)."""
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -5,8 +5,6 @@ y and embedding E are kept, so that words and denoiser keep their meaning, also 
 `training.courses` it is trained as in stage 2, with the true heights.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor

@@ -8,8 +8,6 @@ captured style and gait, for every phrase of edits.toml in captions (over the st
 range in a gait. `--disagreements` lists captions whose hand-written meaning contradicts their capture.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """The compare view's panel, in place of the prompt panel, and the names above its characters."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

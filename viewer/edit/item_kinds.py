@@ -1,7 +1,5 @@
 """The kinds of items on each track, and how edits remove and add them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import zip_longest

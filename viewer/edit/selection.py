@@ -1,7 +1,5 @@
 """The selection of items on tracks or in the list of takes, and the commands on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The export window: format, path, options of motion or film, progress."""
 
-from __future__ import annotations
-
 from runtime.formats.engines import ENGINES
 from runtime.options import spec_of
 from viewer.exports.exporting import Exporting

@@ -1,7 +1,5 @@
 """The prompt panel of the playing take, in place of the live one, with the prompt at the frame shown."""
 
-from __future__ import annotations
-
 from runtime.prompts.expander import MAX_PROMPT_CHARACTERS
 from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title

@@ -1,7 +1,5 @@
 """The takes panel: recording, list, and export."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """A text field for a prompt: suggestions while typing, the last prompts by arrow keys, and undo of the session."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from runtime.session.prompt_blend import Side

@@ -1,7 +1,5 @@
 """Overlays and contact shadows as arrays of strokes, and the pass that draws them."""
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The renderer: `Renderer.render` lists the passes; each pass is a module of its own."""
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 

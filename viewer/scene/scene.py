@@ -1,7 +1,5 @@
 """Ground, character, model, camera and quality: loads them while the old ones stay in use, and moves the character."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The session's file: new, open, save as, copy, revert; and the sessions of earlier runs."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

@@ -5,8 +5,6 @@ speeds are m/s, angles degrees. The measures are independent of the program's co
 measured too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Measures of obstacle traversals: penetration, clearance, beam contacts, hands on edges, pace, flight."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -147,11 +147,6 @@ class Baseline(nn.Module):
         raise NotImplementedError
 
 
-def present_phase(x: Tensor) -> Tensor:
-    """Return the previous frame's phase vectors `(B, 5, 2)` in x `(B, 472)`."""
-    return x[:, INPUT["phase"]].reshape(-1, L + 1, C, 2)[:, HALF]
-
-
 class PhaseFunctioned(Baseline):
     """PFNN (Holden et al. 2017): three layers whose weights are a cyclic cubic function of the footstep phase; ELU, no styles.
 
@@ -170,7 +165,7 @@ class PhaseFunctioned(Baseline):
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
         """See `Baseline`; the label has no effect, as PFNN has one style."""
-        now = present_phase(x)[:, FOOTSTEP]
+        now = x[:, INPUT["phase"]].reshape(-1, L + 1, C, 2)[:, HALF][:, FOOTSTEP]
         phase = torch.atan2(now[:, 0], now[:, 1])
         h = scaled[:, :MOTION_INPUT_SIZE]
         for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):

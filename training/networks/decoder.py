@@ -31,13 +31,6 @@ def blend_codes(codes: Tensor, alpha: Tensor) -> Tensor:
     return torch.einsum("bk,bko->bo", alpha, codes)
 
 
-def step_embedding(step: Tensor) -> Tensor:
-    """Return the sinusoidal embedding `(B, 64)` of the diffusion step index `(B,)`."""
-    frequency = torch.exp(-math.log(10000.0) * torch.arange(32, device=step.device) / 32)
-    angle = step.float()[:, None] * frequency
-    return torch.cat([angle.sin(), angle.cos()], dim=-1)
-
-
 class TokenConvolution(nn.Module):
     """Conv1d of kernel 3 over the expert tokens `(B, K, n)`, written as one wide matrix product."""
 
@@ -91,7 +84,9 @@ class Denoiser(nn.Module):
 
     def embed_step(self, step: Tensor) -> Tensor:
         """Return the step embedding `(B, width)`, a constant at run time."""
-        return self.project_step(step_embedding(step))
+        frequency = torch.exp(-math.log(10000.0) * torch.arange(32, device=step.device) / 32)
+        angle = step.float()[:, None] * frequency
+        return self.project_step(torch.cat([angle.sin(), angle.cos()], dim=-1))
 
     def denoise(self, noisy: Tensor, condition: Tensor, step: Tensor) -> Tensor:
         """Predict clean codes from noisy codes, `condition(e)` and `embed_step(step)`."""

@@ -42,7 +42,13 @@ def panel(exporting: Exporting) -> Panel:
             if imgui.begin_child("options", imgui.ImVec2(0, -px(FOOTER_HEIGHT_PX))):
                 _lists_and_sliders(exporting)
                 _toggles(exporting)
-                _strides(exporting)
+                form = exporting.form
+                if form.loop and form.has("loop"):
+                    spec = spec_of(form, "strides")
+                    widgets.row(spec.label, spec.hint)
+                    exporting.choose(
+                        strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides)
+                    )
             imgui.end_child()
         _end(exporting)
         exporting.remember()
@@ -115,16 +121,6 @@ def _toggles(exporting: Exporting) -> None:
             widgets.same_line()
         if widgets.toggle(spec.label, on, width, hints.get(name, spec.hint)) != on:
             exporting.choose(**{name: values[not on]})
-
-
-def _strides(exporting: Exporting) -> None:
-    form = exporting.form
-    if form.loop and form.has("loop"):
-        spec = spec_of(form, "strides")
-        widgets.row(spec.label, spec.hint)
-        exporting.choose(
-            strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides)
-        )
 
 
 def _end(exporting: Exporting) -> None:

@@ -1,7 +1,5 @@
 """Reads glTF containers and accessors with limits on everything; damage raises a FileError."""
 
-from __future__ import annotations
-
 import base64
 import struct
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The rest pose of bodies in a glTF file: their bind pose, placed at the nodes' positions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import compress
 

@@ -1,7 +1,5 @@
 """Renews a session's file when it is opened: all its rows, or the intact rows of a damaged file, go into a new file."""
 
-from __future__ import annotations
-
 import contextlib
 import sqlite3
 from collections.abc import Sequence

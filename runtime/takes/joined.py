@@ -4,8 +4,6 @@ Inertialization (Bollo, GDC 2018): the second take is rotated and moved to the e
 between their poses is an offset that decays to zero from its initial velocity.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import reduce
 from itertools import groupby

@@ -1,7 +1,5 @@
 """Built-in terrains: walkable ground of about 40 x 40 m with a flat start around the origin."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bars, gaps, walls and drops on a path: `obstacle_ahead` finds the first one along a strip of ground."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import Enum
 

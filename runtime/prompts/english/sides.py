@@ -7,8 +7,6 @@
 Phrases that imply an action (weight, injuries, loads) are rules of assets/prompts/clauses.toml.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 from functools import partial

@@ -9,7 +9,7 @@ from runtime.arrays import Array
 from runtime.easing import smoothstep
 from runtime.measures.signals import landings
 from runtime.motion.features import FPS
-from training.data.foot_cleaning import stretches
+from runtime.takes.footplants import stretches
 from training.frames import smooth
 
 _DEEPEST_FRAMES = 6.0  # from a landing to the deepest knee flexion

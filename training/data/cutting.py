@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
-from training.data.foot_cleaning import stretches
+from runtime.takes.footplants import stretches
 from training.data.labels import smooth
 from training.data.retarget import FPS, speed
 

@@ -18,7 +18,7 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.formats.bvh import read_bvh
 from runtime.motion.control_scripts import StickScript, StickSegment
-from training.data.foot_cleaning import stretches
+from runtime.takes.footplants import stretches
 from training.data.gait import GaitJoints, angle
 
 FPS = 60

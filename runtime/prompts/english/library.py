@@ -12,8 +12,20 @@ import numpy as np
 from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.prompts.edit_targets import HAND, targets_of
-from runtime.prompts.english import compose, other_languages
+from runtime.prompts.english import other_languages
 from runtime.prompts.english.clauses import ParsedPrompt, parse_clauses
+from runtime.prompts.english.compose import (
+    compose_elements,
+    compose_neighbours,
+    is_idle,
+    lame_leg,
+    lame_on,
+    on_side,
+    pace_as_stated,
+    sources_note,
+    with_figure,
+    words_of_parts,
+)
 from runtime.prompts.english.grammar import grammar
 from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, numbers_of, read_phrases
@@ -154,13 +166,13 @@ class LibraryExpander:
         if not elements or self._nearest_says_more(words, reading, elements, ranked[0]):
             return self._by_neighbours(text, ranked, entries, parsed.parts, note)
         library = self._library
-        elements, paced = compose.pace_as_stated(elements, reading.elements, library.entries)
-        chosen = compose.compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
+        elements, paced = pace_as_stated(elements, reading.elements, library.entries)
+        chosen = compose_elements(elements, entries, library.embeddings, library.neutral, self._worth)
         # without similarities of single words, which would be a second number beside that of the whole prompt
-        sources = compose.sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
+        sources = sources_note(chosen, library.entries, {}) if len(set(chosen.values())) > 1 else ""
         notes = (sources and f"{sources}.", note, _unread_limbs(words, reading, elements))
         return self._expansion(
-            compose.words_of_parts(chosen, entries),
+            words_of_parts(chosen, entries),
             self._near(ranked),
             paced | parsed.parts,
             " ".join(filter(None, notes)),
@@ -207,10 +219,10 @@ class LibraryExpander:
             return self._neutral(near, stated, f"{reason} {note}".strip())
         if best >= NEAR_COSINE:
             return self._expansion(entries[ranked[0][0]].descriptions, near, stated, note)
-        chosen = compose.compose_neighbours(ranked[:MAX_NEIGHBOURS], self._library.embeddings, self._worth)
-        parts = compose.sources_note(chosen, self._library.entries, dict(ranked))
+        chosen = compose_neighbours(ranked[:MAX_NEIGHBOURS], self._library.embeddings, self._worth)
+        parts = sources_note(chosen, self._library.entries, dict(ranked))
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
-        return self._expansion(compose.words_of_parts(chosen, entries), near, stated, note)
+        return self._expansion(words_of_parts(chosen, entries), near, stated, note)
 
     def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
         """Expand a prompt that only denies: the opposite if the library has one, else neutral."""
@@ -241,9 +253,9 @@ class LibraryExpander:
         """Return the library's entries on the body side that a prompt names, "" for none, or on the side of its lame leg."""
         entries = self._library.entries
         if side:
-            return tuple(compose.on_side(entry, side) for entry in entries)
-        lame = compose.lame_leg(stated)
-        return tuple(compose.lame_on(entry, lame) for entry in entries) if lame else entries
+            return tuple(on_side(entry, side) for entry in entries)
+        lame = lame_leg(stated)
+        return tuple(lame_on(entry, lame) for entry in entries) if lame else entries
 
     def _stretches(self, words: list[Word], left: tuple[int, ...], named: list[Element]) -> list[Element]:
         """Return entries similar to stretches of words next to a prompt's phrases: "lethargic" in "a lethargic robot"."""
@@ -298,7 +310,7 @@ class LibraryExpander:
         parts = tuple(part for part in PART_NAMES if part in stated)
         source: Literal["library", "explicit"] = "explicit" if parts == PART_NAMES else "library"
         figure = said.to_mapping()
-        words = PartDescriptions(**figure | compose.with_figure(stated, figure))
+        words = PartDescriptions(**figure | with_figure(stated, figure))
         return Expansion(words, source, near, note, parts)
 
     def _with_one_gesture(self, expansion: Expansion) -> Expansion:
@@ -309,7 +321,7 @@ class LibraryExpander:
         said = expansion.descriptions
         arms = [part for part in expansion.explicit_parts if part.endswith("arm")]
         other = {"left_arm": "right_arm", "right_arm": "left_arm"}.get(arms[0]) if len(arms) == 1 else None
-        if other is None or compose.is_idle(getattr(said, other)):
+        if other is None or is_idle(getattr(said, other)):
             return expansion
         does = getattr(said, arms[0]), mirror_text(getattr(said, other))
         one, two = self._encoder.encode(list(does))

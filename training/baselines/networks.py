@@ -95,6 +95,7 @@ def windows(vectors: Array) -> tuple[Array, Array]:
 
 
 KNOTS = 4
+MAX_INPUT_DEVIATIONS = 5.0  # limit of normalised inputs
 HALF = L // 2
 
 
@@ -139,8 +140,11 @@ class Baseline(nn.Module):
 
     def forward(self, x: Tensor, label: Tensor) -> Tensor:
         """Return y of one frame."""
-        y = self.normalised((x - self.x_mean) / self.x_deviation, x, label)
-        return y * self.y_deviation + self.y_mean
+        return self.normalised(self.scaled(x), x, label) * self.y_deviation + self.y_mean
+
+    def scaled(self, x: Tensor) -> Tensor:
+        """Return normalised x, clipped to ±`MAX_INPUT_DEVIATIONS`."""
+        return ((x - self.x_mean) / self.x_deviation).clamp(-MAX_INPUT_DEVIATIONS, MAX_INPUT_DEVIATIONS)
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
         """Return normalised y of `scaled`, normalised x; phases are taken from x itself."""

@@ -1,7 +1,5 @@
 """Clips per minute of `sport generate --batch`: python -m benchmarks.batch [--clips 40] [--seconds 4]."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

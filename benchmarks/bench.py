@@ -1,7 +1,5 @@
 """`sport bench`: times of frames, prompts, exports and starts on this machine."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -5,8 +5,6 @@ without waiting. The window uses a temporary settings folder; a display is neede
 `--against CLONE` measures another clone of the project alternately with this one, and prints the ratio of each turn.
 """
 
-from __future__ import annotations
-
 import os
 import statistics
 import subprocess

@@ -8,8 +8,6 @@ weights. One run measures all under the same conditions. `--markdown FILE` write
 between the lines `<!-- networks NAME: begin -->` and `<!-- networks NAME: end -->` of a document.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

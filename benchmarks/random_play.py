@@ -5,8 +5,6 @@ python -m benchmarks.random_play --seeds 50 --minutes 0.1
 Counts joints more than `DEPTH_M` below the ground or faster than `SPEED_M_S`; the exit code is 1 if there are any.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@
 The reference is the displayed pose. USD needs usd-core.
 """
 
-from __future__ import annotations
-
 import itertools
 import multiprocessing
 import os

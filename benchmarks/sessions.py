@@ -1,7 +1,5 @@
 """Cost of saving a session with an hour of takes: `python -m benchmarks.sessions`."""
 
-from __future__ import annotations
-
 import statistics
 import time
 from dataclasses import replace

@@ -3,8 +3,6 @@
 python -m benchmarks.soles --seconds 4
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Common timing functions of the benchmarks."""
 
-from __future__ import annotations
-
 import platform
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Draws the paper's Fig. 6, 7 and 8 of `docs/evaluation.md`: `python docs/make_figures.py CLIPS [MODEL]`."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

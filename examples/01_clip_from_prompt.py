@@ -1,7 +1,5 @@
 """Generates a BVH from a prompt, a ground and a path, with a file next to it that records how it was made."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Drives a character by code instead of a gamepad: way points, gaits, a change of style and a jump, frame by frame."""
 
-from __future__ import annotations
-
 from math import hypot
 
 from sport import ClipRecorder, Controller, Controls, Gait, Prompter, load_model, load_terrain, save_bvh

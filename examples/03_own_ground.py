@@ -1,7 +1,5 @@
 """A ground from an array, a ramp and some steps: walked on, and saved as files that the viewer opens."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sport import Terrain, generate_clip, load_terrain, save_bvh

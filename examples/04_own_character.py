@@ -3,8 +3,6 @@
 python examples/04_own_character.py [CHARACTER.glb [JOINT_MAP.json]]
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Blends two styles: four even steps of Z^t, and a blend with a separate weight for each part of the body."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sport import (

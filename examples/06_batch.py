@@ -3,8 +3,6 @@
 python examples/06_batch.py [FOLDER]
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

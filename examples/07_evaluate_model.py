@@ -5,8 +5,6 @@ Needs `pip install -e '.[train]'`. Against captured motion: `sport evaluate --cl
     python examples/07_evaluate_model.py [MODEL_FOLDER]
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Paths of shipped files: one root for all assets and shaders, and the trained models by name."""
 
-from __future__ import annotations
-
 import os
 from functools import lru_cache
 from pathlib import Path

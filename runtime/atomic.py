@@ -1,7 +1,5 @@
 """Writes files completely or not at all: next to the target, then renamed over it or linked to a free name."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

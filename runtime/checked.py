@@ -1,7 +1,5 @@
 """Checks of numbers and texts in untrusted JSON: ValueError, or a default instead."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

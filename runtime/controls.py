@@ -1,7 +1,5 @@
 """Control input of the character for one frame, independent of devices."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 

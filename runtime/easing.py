@@ -1,7 +1,5 @@
 """Easing curves on arrays (smoothstep), and a critically damped spring."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

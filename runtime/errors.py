@@ -1,7 +1,5 @@
 """The project's exceptions: every message says what is wrong, where, and what to do."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from unicodedata import category

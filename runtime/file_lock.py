@@ -1,7 +1,5 @@
 """A file held by this process alone: the system releases the lock however the process ends."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Allowed values of an option and how it is chosen, declared once on the dataclass field that holds it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 Quaternions are unit, ordered w, x, y, z. Angles are radians. Matrices act on column vectors.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from runtime.arrays import Array

@@ -4,8 +4,6 @@ A NumPy call on three numbers costs as much as fifty multiplications in Python, 
 frame. Vectors are (x, y, z), quaternions (w, x, y, z). `runtime.rotations` and `runtime.easing` are the array versions.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from math import atan2, cos, hypot, sin, sqrt

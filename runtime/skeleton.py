@@ -1,7 +1,5 @@
 """Joint hierarchies, forward kinematics, and the 31-joint PFNN / CMU skeleton that every network here uses."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The command line: commands and arguments, with errors that name the arguments as typed."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from typing import Any, NoReturn

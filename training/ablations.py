@@ -8,8 +8,6 @@ take them from. After an interruption the same command resumes.
 `python -m training.evaluation table1 --train` trains and scores row by row.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging

@@ -1,7 +1,5 @@
 """Arguments of `sport train`; importing them does not import torch."""
 
-from __future__ import annotations
-
 import argparse
 import logging
 from dataclasses import dataclass

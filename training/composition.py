@@ -165,7 +165,8 @@ class Composer:
         self.last = torch.as_tensor(table.start[1:] - 1, device=device)
         self.moments = torch.as_tensor(moments, device=device)
         self.keys = torch.as_tensor(texts.keys, device=device)
-        self.fixed_torso = torch.as_tensor(_fixed_torsos(texts), device=device)
+        fixed = np.array([any(map(acts_on_base, edits_of_key(name))) for name in texts.names], bool)
+        self.fixed_torso = torch.as_tensor(fixed[texts.keys[:, PART_NAMES.index("torso")]], device=device)
         # pairs of edits that never occur together in training: both parts, and both keys
         self.forbidden = torch.as_tensor(_forbidden(texts), device=device).view(-1, 2, 2)
         self._captured, self._edited = _givers(table, texts, device)
@@ -318,12 +319,6 @@ def weighted(cumulative: Tensor, size: tuple[int, ...]) -> Tensor:
     """Draw random indices by cumulative weights."""
     draw = torch.rand(size, dtype=torch.float64, device=cumulative.device) * cumulative[-1]
     return torch.searchsorted(cumulative, draw).clamp_max(len(cumulative) - 1)
-
-
-def _fixed_torsos(texts: StyleTexts) -> np.ndarray:
-    """Return `(clips,)` bool: the torso's description includes an edit that moves hips or feet."""
-    fixed = np.array([any(map(acts_on_base, edits_of_key(name))) for name in texts.names], bool)
-    return fixed[texts.keys[:, PART_NAMES.index("torso")]]
 
 
 def _forbidden(texts: StyleTexts) -> np.ndarray:

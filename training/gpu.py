@@ -3,8 +3,6 @@
 On a CPU no graph is recorded, and only the selected rows are computed.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Forward kinematics in torch: joint positions, knee flexion and body angles from the rotations in y."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import torch

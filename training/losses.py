@@ -1,7 +1,5 @@
 """The paper's losses: Eq. 2, 3, 7, 8, 9 (stage 1), 10 to 13 (stage 2) and 14 (stage 3)."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 from torch.nn.functional import mse_loss, smooth_l1_loss

@@ -1,7 +1,5 @@
 """Markdown tables, and generated sections of a document, between two marker lines; the rest is not changed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isnan
 from pathlib import Path

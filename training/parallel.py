@@ -6,8 +6,6 @@ Every process draws its part of a batch, and gradients are averaged, so that all
 process writes checkpoints and log.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import socket

@@ -13,8 +13,6 @@
 Each stage reads the output of earlier ones, and resumes from its own checkpoint (`NAME.pt`).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging

@@ -5,8 +5,6 @@ has a clip frame, and the pose and phases that the network itself produced for t
 trains a lane also advances it, so that rollouts of any length cost nothing extra.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any

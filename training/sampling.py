@@ -1,7 +1,5 @@
 """Sampling weight of every frame: styles balanced, fixed fractions of terrain and edits, transitions oversampled."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Training loop shared by all stages: device and precision, averaged weights, resumable checkpoints, progress."""
 
-from __future__ import annotations
-
 import json
 import logging
 import os

@@ -7,8 +7,6 @@ The models of a row are RUNS/<row>/seed<k>/model (without diffusion: RUNS/full/s
 is written after each model: an interrupted run resumes.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The application: one window, one loop. Poll, control, step at 60 Hz, interpolate, draw, panels, swap."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

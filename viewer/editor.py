@@ -1,7 +1,5 @@
 """All edits of the session go through here: each is an undo step, saved at once. Nothing else can undo."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial

@@ -5,8 +5,6 @@ order two glfw libraries are loaded and the ImGui backend fails under Wayland.
 """
 
 # ruff: noqa: I001  (the order of these imports is the subject of this file)
-from __future__ import annotations
-
 from runtime.errors import DisplayError
 
 try:

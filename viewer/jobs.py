@@ -6,8 +6,6 @@ older one is dropped, and at the end of the program all of them. Writing jobs ar
 in their slot.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import threading

@@ -1,7 +1,5 @@
 """Messages of the status line: the current one, those waiting, and the list of recent ones."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections import deque

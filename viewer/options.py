@@ -1,7 +1,5 @@
 """The options of `sport view`: one immutable set, checked before a window opens."""
 
-from __future__ import annotations
-
 import math
 import os
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """This process: its termination signals, its memory, and the file manager that it opens."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import mmap

@@ -1,7 +1,5 @@
 """Writes finished frames as PNG files: one requested by a key, or all of them."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Loaders of models, grounds, characters, prompts and the renderer; tests replace them."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Settings stored between runs, each with its range and widget: a small JSON file of the user."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """The panels of one frame in their places, with the status line and the help."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

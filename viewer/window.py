@@ -1,7 +1,5 @@
 """One glfw window (or PLATFORM_NULL with EGL), its OpenGL context, ImGui, and the application's framebuffer."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 import os

@@ -1,7 +1,5 @@
 """The session with all its tools: assembled once; loads what the options request, and opens files."""
 
-from __future__ import annotations
-
 import io
 import os
 import time

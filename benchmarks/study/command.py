@@ -1,7 +1,5 @@
 """A user study as an offline page, and the report on its answers: python -m benchmarks.study make | report."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from importlib.util import find_spec

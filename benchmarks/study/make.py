@@ -5,8 +5,6 @@ crossed in neutral style, walking and jogging (the paper's two animations of eac
 the path of their own capture. For the method capture only obstacles that were captured are filmed.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import secrets

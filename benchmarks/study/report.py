@@ -8,8 +8,6 @@ Answers are a data frame with a row per film and participant: `participant`, `cl
 `rating` (the later one if a film was shown again) and `again`.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@
 walks a circle.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

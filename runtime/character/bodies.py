@@ -1,7 +1,5 @@
 """Bodies of a file: finds the joint nodes of each character among its skins, cameras, props and other characters."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Radii of a character's trunk and head in every direction, as tables from its mesh in the rest pose."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Skinned characters from glTF files: ours, or a user's own, driven by poses of the SPORT skeleton."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace

@@ -1,7 +1,5 @@
 """Guesses which joints of a user's character correspond to SPORT joints: from the joint map, names, hierarchy and rest pose."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass

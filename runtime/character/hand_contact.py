@@ -1,7 +1,5 @@
 """Keeps hands outside the character's own body: a hand that would enter trunk or head is moved to the surface by IK."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from runtime import rotations

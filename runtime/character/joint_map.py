@@ -1,7 +1,5 @@
 """The user's map of a character's joints: a JSON file next to the character."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

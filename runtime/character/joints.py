@@ -1,7 +1,5 @@
 """Joint names of several conventions, and the alignment of a character's rest pose with ours."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Merges meshes, skins and nodes of a glTF file into one skinned mesh."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import dataclass, fields, replace

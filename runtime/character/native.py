@@ -3,8 +3,6 @@
 A damaged file may crash that process or exhaust its limits: the caller gets a FileError.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import subprocess

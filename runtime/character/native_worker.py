@@ -3,8 +3,6 @@
 It is a separate process, so that a damaged file can crash only this process and not the program.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import os

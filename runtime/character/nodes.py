@@ -1,7 +1,5 @@
 """The nodes of a glTF file: their hierarchy and rest transforms."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -4,8 +4,6 @@ Joint angles alone would put a longer foot or a shorter shin into the ground. A 
 uses the character's own; while it stands, it stays in place.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reads glTF containers and accessors with limits on everything; damage raises a FileError."""
 
-from __future__ import annotations
-
 import base64
 import struct
 from dataclasses import dataclass
@@ -118,7 +116,13 @@ def open_gltf(path: Path, motion: bool = False) -> GltfFile:
     if not isinstance(gltf, Entry):
         raise FileError(f"{path}: the glTF container holds no document.", REMEDY)
     _check_document(gltf, path)
-    return GltfFile(path, gltf, tuple(unpack(path, gltf, _load_buffers(path, gltf, blob))))
+    buffers, total = list[memoryview](), 0
+    for i, buffer in enumerate(gltf.buffers or []):
+        buffers.append(_buffer(path, buffer, i, blob))
+        total += len(buffers[-1])
+        if total > MAX_FILE_BYTES:
+            raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
+    return GltfFile(path, gltf, tuple(unpack(path, gltf, buffers)))
 
 
 def _read(path: Path) -> bytes:
@@ -160,16 +164,6 @@ def _check_document(gltf: Entry, path: Path) -> None:
             raise FileError(f"{path}: its list of {field} is damaged.", REMEDY)
         if len(entries) > MAX_ENTRIES:
             raise FileError(f"{path}: {len(entries)} {field}; expected at most {MAX_ENTRIES}.", REMEDY)
-
-
-def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]:
-    buffers, total = list[memoryview](), 0
-    for i, buffer in enumerate(gltf.buffers or []):
-        buffers.append(_buffer(path, buffer, i, blob))
-        total += len(buffers[-1])
-        if total > MAX_FILE_BYTES:
-            raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
-    return buffers
 
 
 def _buffer(path: Path, buffer: Entry, number: int, blob: memoryview) -> memoryview:

@@ -1,7 +1,5 @@
 """The rest pose of bodies in a glTF file: their bind pose, placed at the nodes' positions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import compress
 
@@ -87,11 +85,6 @@ def _space(
         return min(fitting, key=lambda space: _moved(space @ bind, at))
     if told and not agree:
         return None
-    return _as_bound(nodes, members, bind, told)
-
-
-def _as_bound(nodes: Nodes, members: list[int], bind: AnyArray, told: Pose) -> AnyArray:
-    """Return the space in which the uppermost joint stands as it was bound."""
     space = nodes.rest[members[0]] @ np.linalg.inv(bind[0])
     stretch, problem = _stretch(nodes, members, space @ bind, told)
     if stretch > MAX_STRETCH_FACTOR:

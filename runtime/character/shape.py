@@ -1,7 +1,5 @@
 """Body shape of the mannequin: height, leg length and shoulder width, as a character of its own."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

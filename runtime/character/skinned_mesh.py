@@ -1,7 +1,5 @@
 """A skinned mesh with its joints, posed by the SPORT skeleton."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

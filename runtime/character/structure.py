@@ -1,7 +1,5 @@
 """Identifies joints without usable names, from the hierarchy and the rest pose."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

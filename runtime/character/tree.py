@@ -1,7 +1,5 @@
 """Hierarchies of nodes, and of joints in a rest pose with their chains, leaves and extents."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Container, Sequence
 from functools import cached_property
 

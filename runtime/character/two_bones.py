@@ -1,7 +1,5 @@
 """Closed-form inverse kinematics of a two-bone limb."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from runtime import rotations

@@ -1,7 +1,5 @@
 """Decompresses Draco and meshopt meshes when a document is opened: later code sees plain accessors."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Writes a `Character` as a skinned GLB."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

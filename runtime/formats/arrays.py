@@ -1,7 +1,5 @@
 """A take as plain arrays: NPZ for programs that compute, CSV for tables."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """BVH files: a bounded parser for any hierarchy and channel order, and a pure writer (a clip in, text out)."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Container, Iterator, Mapping

@@ -1,7 +1,5 @@
 """A take as BVH of the 31-joint skeleton: written with metadata in JSON next to it, and read back."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Conventions of the target programs: unit, root joint, and humanoid bone names."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Joints are limbs with their rest rotation as PreRotation; every frame is a key, and every take a stack.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

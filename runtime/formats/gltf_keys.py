@@ -1,7 +1,5 @@
 """Keyframes of a glTF animation, and the node transforms at any time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

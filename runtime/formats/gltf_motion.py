@@ -1,7 +1,5 @@
 """Motion of a glTF, GLB, VRM, VRMA or FBX file: its animation resampled at a constant rate, relative to the bind pose."""
 
-from __future__ import annotations
-
 import contextlib
 from collections import Counter
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The ground of a take: the one it was made on, written as a node of a GLB, or as an OBJ or GLB next to it."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

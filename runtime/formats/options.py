@@ -3,8 +3,6 @@
 Nothing heavy is imported: `sport --help` reads this file.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A take as a web page: one file that works offline in any browser, with the character, ground and player in it."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import html

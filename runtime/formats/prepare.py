@@ -1,7 +1,5 @@
 """Prepares a take for export in any format: rate, range, loop, placement, root."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

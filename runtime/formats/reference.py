@@ -1,7 +1,5 @@
 """Retargeting of another skeleton's motion to ours, as a reference: rotations relative to its rest pose, scaled by leg length."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

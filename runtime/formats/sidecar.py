@@ -3,8 +3,6 @@
 `walk.bvh` has `walk.bvh.json`. It names model, seed, ground and styles; folders, addresses and keys are never in it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import itertools

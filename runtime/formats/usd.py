@@ -3,8 +3,6 @@
 Converted prim by prim from the document of `runtime.formats.glb`, with joints without scales. Needs `usd-core`.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

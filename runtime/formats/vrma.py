@@ -4,8 +4,6 @@ Our rest pose is a T-pose, as required. A player rotates the humanoid bones and 
 rotations of joints between two bones are added to the lower bone.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

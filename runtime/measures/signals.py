@@ -3,8 +3,6 @@
 Everything is in the body frame: origin under the hips, +Z the smoothed facing direction, +X left. Degrees, metres, seconds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

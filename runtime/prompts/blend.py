@@ -1,7 +1,5 @@
 """Two prompts blended part by part: the words of a blend and the weights of its parts (`runtime.motion.style` mixes codes)."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ every captured style and gait, for every caption phrase the range over the style
 ranges of a gait. Captions are the descriptions of styles.json.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field

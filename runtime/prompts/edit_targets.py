@@ -5,8 +5,6 @@ phrases are specified by hand. The caption of a captured style sets a target for
 lean towards the mean of all styles; the rest it has learnt.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache

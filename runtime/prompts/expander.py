@@ -4,8 +4,6 @@
 `Expander` protocol and answers with source "gpt"; nothing else changes for its callers.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, Protocol
 

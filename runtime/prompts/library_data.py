@@ -6,8 +6,6 @@ An entry is either a training style, `{"style": "drunk", "category", "also": [..
 names the entry for its denial.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Mapping

@@ -5,8 +5,6 @@ ones. Where the two sides of a limb differ, they have groups of their own such a
 `python -m training.export.words` writes `shares.json` and `wording.json` of `assets/prompts`.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

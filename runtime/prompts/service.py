@@ -1,7 +1,5 @@
 """A worker thread that turns prompts into Z^t, so that no frame waits for text."""
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

@@ -3,8 +3,6 @@
 A reference is text: kind, shape and hash. Reads are charged to the file's memory budget before they allocate.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 import re

@@ -3,8 +3,6 @@
 They are stored under names valid on every system (`safe_name`), to which the glTF's references are changed.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json

@@ -244,11 +244,6 @@ class Database(StoredRows):
         self._thread.join(left if self.handed_over is None or not limited else min(left, GATHER_S))
         return self._written >= self._submitted and not self.problem
 
-    @property
-    def closing(self) -> bool:
-        """Whether the writing thread still waits for the disk."""
-        return self._thread is not None and self._thread.is_alive()
-
     def _hand_over(self, seconds: float) -> None:
         """Store the queued changes elsewhere, for the next process that opens the file."""
         self._stopping, log, begun = True, unwritten.ChangeLog(), time.monotonic()
@@ -400,7 +395,9 @@ class Database(StoredRows):
                 connection.execute("COMMIT")
                 committed = writer.committed
         except Exception as error:
-            self._roll_back()
+            if self._writer is not None and self._writer.in_transaction:
+                with contextlib.suppress(sqlite3.Error):  # SQLite has rolled back by itself
+                    self._writer.execute("ROLLBACK")
             if work is not None and not is_of_the_disk(error):  # a defect must not block other works
                 self._defect(error)
                 with self._changed:
@@ -437,11 +434,6 @@ class Database(StoredRows):
             self._written += count
             self._trouble = ""
             self._changed.notify_all()
-
-    def _roll_back(self) -> None:
-        if self._writer is not None and self._writer.in_transaction:
-            with contextlib.suppress(sqlite3.Error):  # SQLite has rolled back by itself
-                self._writer.execute("ROLLBACK")
 
 
 def _identity(file: Path) -> tuple[int, ...]:

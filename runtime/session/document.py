@@ -4,8 +4,6 @@ Records are objects of their fields; annotations define how they are read, with 
 Grounds, motions, styles and the input of takes have formats of their own.
 """
 
-from __future__ import annotations
-
 import json
 import typing
 from collections.abc import Callable

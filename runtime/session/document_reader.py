@@ -1,7 +1,5 @@
 """Reads a session, a motion's header or its input from the untrusted text that `document` writes."""
 
-from __future__ import annotations
-
 import json
 import math
 import types

@@ -1,7 +1,5 @@
 """All undoable edits, as functions from a session to the next one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from runtime.session.motion import Motion

@@ -4,8 +4,6 @@ Precision is `HIPS_STEP_M` / 2 = 0.031 mm for hips, 0.005 degrees for local rota
 Frames are stored in pieces of `PIECE_FRAMES`, so that versions of a take share the pieces that an edit did not change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

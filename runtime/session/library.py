@@ -3,8 +3,6 @@
 Sessions with takes or recordings are removed last, and before them those with a path, poses or camera keys.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Lost items, which no step of a session refers to: the file keeps them for `LOST_DAYS`, and they can be restored until then."""
 
-from __future__ import annotations
-
 import logging
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Repairs of an incomplete session: motions with missing pieces, and takes that no step refers to."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 import zlib

@@ -1,7 +1,5 @@
 """Renews a session's file when it is opened: all its rows, or the intact rows of a damaged file, go into a new file."""
 
-from __future__ import annotations
-
 import contextlib
 import sqlite3
 from collections.abc import Sequence
@@ -10,21 +8,12 @@ from itertools import groupby, islice
 from pathlib import Path
 
 from runtime.errors import FileError
-from runtime.session import unwritten
+from runtime.session import tables, unwritten
 from runtime.session.recovery import fill_gaps
 from runtime.session.salvage import salvaged
 from runtime.session.sqlite_file import connect, file_errors, in_memory, keep_aside, new_file, side_files
-from runtime.session.tables import (
-    MAX_ROWS,
-    DamageError,
-    VersionError,
-    check_content,
-    copy_rows,
-    put_rows,
-    version_of,
-)
 
-MAX_SALVAGED_ROWS = 2 * MAX_ROWS  # from a damaged file
+MAX_SALVAGED_ROWS = 2 * tables.MAX_ROWS  # from a damaged file
 
 
 @dataclass
@@ -47,7 +36,7 @@ class Renewal:
                 contextlib.closing(checked(connect(path, mode))) as connection,
                 new_file(path, self._keep_aside) as target,
             ):
-                copy_rows(connection, target)
+                tables.copy_rows(connection, target)
                 unwritten.make(unwritten.read(path), target)
                 self._mend(target)
                 connection.close()  # before the file is replaced
@@ -66,7 +55,7 @@ class Renewal:
         with new_file(self.path, self._keep_aside) as target:
             rows = islice(salvaged(self.path), MAX_SALVAGED_ROWS)
             for table, found in groupby(rows, lambda pair: pair[0]):
-                put_rows(target, table, (row for _, row in found), known="IGNORE")
+                tables.put_rows(target, table, (row for _, row in found), known="IGNORE")
             if not target.execute("SELECT 1 FROM meta UNION SELECT 1 FROM frames LIMIT 1").fetchone():
                 raise damage
             unwritten.make(unwritten.read(self.path), target)
@@ -93,7 +82,7 @@ def is_damage(error: FileError) -> bool:
     wrong = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_ERROR)
     plain = sqlite3.SQLITE_ERROR if isinstance(cause, sqlite3.Error) else -1  # invalid text
     code = getattr(cause, "sqlite_errorcode", plain)
-    return isinstance(cause, DamageError | VersionError) or code & 0xFF in wrong
+    return isinstance(cause, tables.DamageError | tables.VersionError) or code & 0xFF in wrong
 
 
 def is_of_the_disk(error: BaseException | None) -> bool:
@@ -105,9 +94,9 @@ def is_of_the_disk(error: BaseException | None) -> bool:
 def checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Connection:
     """Return the connection if its file is valid; otherwise close it and raise ValueError or sqlite3.Error."""
     try:
-        version_of(connection)
+        tables.version_of(connection)
         if thorough:
-            check_content(connection)
+            tables.check_content(connection)
     except BaseException:
         connection.close()
         raise
@@ -117,6 +106,6 @@ def checked(connection: sqlite3.Connection, thorough: bool = True) -> sqlite3.Co
 def memory_of(connection: sqlite3.Connection, changes: Sequence[unwritten.Change]) -> sqlite3.Connection:
     """Return a copy of a file's rows in memory, with changes applied that are not in the file."""
     memory = in_memory()
-    copy_rows(connection, memory)
+    tables.copy_rows(connection, memory)
     unwritten.make(changes, memory)
     return checked(memory)

@@ -3,8 +3,6 @@
 A row with one wrong bit is repaired: the checksum identifies that bit.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from pathlib import Path

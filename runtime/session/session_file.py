@@ -219,7 +219,10 @@ class SessionFile(StoredMotions):
                 writer.committed.append(partial(motion.stored, self))
         for choice in _characters(session):
             if self._is_new(f"character {choice.key}"):
-                self._put_character(writer, choice)
+                blobs = self._documents.blobs
+                files = read_character_files(self.cache / choice.key)
+                names = {name: blobs.data(content) for name, content in files.items()}
+                writer.put_blob(f"character {choice.key}", json.dumps(names).encode("ascii"))
 
     def _put_motion(self, writer: Writer, motion: Motion) -> None:
         clip, inputs = motion.clip, motion.inputs
@@ -238,12 +241,6 @@ class SessionFile(StoredMotions):
         sticks = self._documents.blobs.data(pack_sticks(lead))
         value = self._documents.inputs(inputs) | {"lead": sticks, "lead_frames": len(lead)}
         return json.dumps(value, ensure_ascii=True)
-
-    def _put_character(self, writer: Writer, choice: CharacterChoice) -> None:
-        blobs = self._documents.blobs
-        files = read_character_files(self.cache / choice.key)
-        names = {name: blobs.data(content) for name, content in files.items()}
-        writer.put_blob(f"character {choice.key}", json.dumps(names).encode("ascii"))
 
     # --- recording
 

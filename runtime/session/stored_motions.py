@@ -1,7 +1,5 @@
 """Reads motions and characters of a session's file as untrusted, including those that no step refers to."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Rows of a session file: read as untrusted, with every length checked before memory is allocated, and changed."""
 
-from __future__ import annotations
-
 import sqlite3
 import threading
 import zlib

@@ -1,7 +1,5 @@
 """The tables of a session's file, their rows with a checksum each, and the checks of a foreign file."""
 
-from __future__ import annotations
-
 import contextlib
 import sqlite3
 import struct

@@ -1,7 +1,5 @@
 """Keys of a take's camera, and the view between them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace

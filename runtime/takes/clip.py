@@ -14,7 +14,7 @@ from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.pose import MAX_FPS, Pose
 from runtime.skeleton import SPORT_SKELETON, J
-from runtime.takes.metadata import UNKNOWN, UNMOVED, LoopReport, Origin, PromptEvent, describe, gait_seconds
+from runtime.takes.metadata import UNKNOWN, UNMOVED, LoopReport, Origin, PromptEvent, gait_seconds
 
 MAX_NORM_ERROR = 0.01  # of a quaternion
 MIN_SIZE, MAX_SIZE = 0.05, 20.0  # of a body, relative to ours
@@ -74,10 +74,6 @@ class Clip:
     def seconds(self) -> float:
         """Duration from the first to the last frame, in seconds."""
         return (len(self) - 1) / self.fps
-
-    def describe(self) -> str:
-        """Return some lines for the user about how the clip was made; "" if nothing is known."""
-        return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
 
     def pose(self, i: int, ground_m: float = 0.0) -> Pose:
         """Return the pose of frame `i`; `ground_m` is the height of the terrain under it."""

@@ -3,8 +3,6 @@
 The path of the foot is retimed: its motion between two plants takes the time left, and the leg follows by IK.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

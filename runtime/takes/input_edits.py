@@ -3,8 +3,6 @@
 Each edit returns another `InputRecording` and the first frame that it changes; `inputs.resimulated_take` makes the frames.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise

@@ -4,15 +4,12 @@ Inertialization (Bollo, GDC 2018): the second take is rotated and moved to the e
 between their poses is an offset that decays to zero from its initial velocity.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import reduce
 from itertools import groupby
 from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
@@ -44,7 +41,9 @@ def joined(first: Clip, second: Clip, grounds: Grounds | None = None) -> Clip:
     if first.size != second.size:
         raise UsageError("The takes have different body sizes.", "Join takes of one character.")
     second = second.resampled(first.fps)
-    same = _meet(first, second)
+    same = np.allclose(
+        second.hips_positions[0], first.hips_positions[-1], atol=SAME_TOLERANCE
+    ) and np.allclose(second.local_rotations[0], first.local_rotations[-1], atol=SAME_TOLERANCE)
     if not same and min(len(first), len(second)) > 1:
         second = _continued(first, _placed(first, second, grounds))
     gaits = None
@@ -66,13 +65,6 @@ def _prompts(first: Clip, second: Clip) -> tuple[PromptEvent, ...]:
     later = (replace(event, seconds=event.seconds + first.seconds) for event in second.prompts)
     alike = groupby([*first.prompts, *later], attrgetter("prompt", "words"))
     return tuple(next(events) for _, events in alike)
-
-
-def _meet(first: Clip, second: Clip) -> bool:
-    """Whether the second clip begins in the pose and place in which the first ends."""
-    return np.allclose(
-        second.hips_positions[0], first.hips_positions[-1], atol=SAME_TOLERANCE
-    ) and np.allclose(second.local_rotations[0], first.local_rotations[-1], atol=SAME_TOLERANCE)
 
 
 def repeated(clip: Clip, times: int, ground: Terrain | None = None) -> Clip:
@@ -148,7 +140,11 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
         gap, speed = _gap(old[:, LEG_FEET[side]].astype(np.float64), ankles[:, side], fps)
         away = float(np.linalg.norm(gap[[0, 2]]))
         steps = bool(stands[0]) and (not stood or away > HELD_M)
-        time = _time_in_air(stands, steps) / fps / STEP_S
+        free = ~stands
+        if steps:
+            first_swing = int(np.argmax(free)) if free.any() else len(free)
+            free[:first_swing] = True
+        time = np.concatenate([[0.0], np.cumsum(free[1:])]) / fps / STEP_S
         fade, drift = _decay(time)
         targets[:, side] += fade[:, None] * gap
         if steps:
@@ -167,15 +163,6 @@ def _with_feet(first: Clip, second: Clip, hips: Array, local: Array) -> Clip:
     before = second.hips_positions.astype(np.float64), now
     solved = led_legs((hips, local), (targets, goals), before, (ankles, feet))
     return second.posed(hips, rotations.normalize(solved), contacts)
-
-
-def _time_in_air(stands: NDArray[np.bool_], steps: bool) -> Array:
-    """Return the frames `(T,)` that a foot had to move: those off the ground, or `steps` at once."""
-    free = ~stands
-    if steps:
-        first_swing = int(np.argmax(free)) if free.any() else len(free)
-        free[:first_swing] = True
-    return np.concatenate([[0.0], np.cumsum(free[1:])])
 
 
 def _decay(t: Array) -> tuple[Array, Array]:

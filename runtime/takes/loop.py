@@ -1,7 +1,5 @@
 """Loops: the best cycle of a steady walk, with its two ends blended into one pose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The mirror image of a take: left becomes right, in the motion and in its prompts."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 "left hand 0.3 1.1 0.4 from 2 to 4" is a pin; `runtime.takes.pinned` bends the poses.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

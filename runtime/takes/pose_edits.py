@@ -1,7 +1,5 @@
 """Pose edits of a take, applied to its simulated motion without changing it: footplants, the pose layer, then pins."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from runtime.arrays import Array

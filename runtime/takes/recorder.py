@@ -1,7 +1,5 @@
 """The recorder, which always keeps the last minutes, so that a take can begin in the past."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import replace
 from itertools import islice

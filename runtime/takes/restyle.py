@@ -5,8 +5,6 @@ moment ahead and steers back to the clip's position. The result is a take with a
 like a recorded one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ A take was driven by a stick; along an edited path the stick is computed from th
 network walks it as it would live. Prompts stay at their frames; the take ends with the path.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace

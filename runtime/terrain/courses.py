@@ -3,8 +3,6 @@
 Heights and distances are defined only here, for the ground itself, the controller and the evaluation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

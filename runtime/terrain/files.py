@@ -1,7 +1,5 @@
 """Reads terrain from untrusted files: grey PNG height maps, NPY arrays and meshes, all bounded and checked."""
 
-from __future__ import annotations
-
 import io
 import re
 import struct

@@ -1,7 +1,5 @@
 """Built-in terrains: walkable ground of about 40 x 40 m with a flat start around the origin."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
@@ -11,15 +9,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.easing import smoothstep
 from runtime.errors import TerrainError
-from runtime.terrain.courses import (
-    CELL_M,
-    GAPS,
-    HURDLES,
-    WALLS,
-    Obstacle,
-    raise_beam,
-    raise_obstacles,
-)
+from runtime.terrain import courses
 from runtime.terrain.height_map import Terrain
 
 SIZE_M = 40.0
@@ -125,7 +115,7 @@ def _stairs(_seed: int) -> Terrain:
 
 def _platforms(seed: int) -> Terrain:
     """A field of raised squares, each with ramps along Z and steps along X."""
-    cell = CELL_M
+    cell = courses.CELL_M
     x, z = _grid(cell)
     rng = np.random.default_rng(seed)
     pitch = PLATFORM_SPACING_M
@@ -144,8 +134,8 @@ def _platforms(seed: int) -> Terrain:
     return _terrain("platforms", heights, cell)
 
 
-def _course(name: str, obstacles: tuple[Obstacle, ...]) -> Terrain:
-    return _terrain(name, raise_obstacles(*_grid(CELL_M), obstacles), CELL_M)
+def _course(name: str, obstacles: tuple[courses.Obstacle, ...]) -> Terrain:
+    return _terrain(name, courses.raise_obstacles(*_grid(courses.CELL_M), obstacles), courses.CELL_M)
 
 
 _MAKERS: dict[str, Callable[[int], Terrain]] = {
@@ -154,10 +144,10 @@ _MAKERS: dict[str, Callable[[int], Terrain]] = {
     "rough": _rough,
     "stairs": _stairs,
     "platforms": _platforms,
-    "gaps": lambda _: _course("gaps", GAPS),
-    "hurdles": lambda _: _course("hurdles", HURDLES),
-    "beam": lambda _: _terrain("beam", raise_beam(*_grid(CELL_M)), CELL_M),
-    "wall": lambda _: _course("wall", WALLS),
+    "gaps": lambda _: _course("gaps", courses.GAPS),
+    "hurdles": lambda _: _course("hurdles", courses.HURDLES),
+    "beam": lambda _: _terrain("beam", courses.raise_beam(*_grid(courses.CELL_M)), courses.CELL_M),
+    "wall": lambda _: _course("wall", courses.WALLS),
 }
 TERRAIN_NAMES = tuple(_MAKERS)
 

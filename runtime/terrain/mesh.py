@@ -1,7 +1,5 @@
 """Heights from meshes: only geometry is read, within limits on triangles and the cells they cover."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Bars, gaps, walls and drops on a path: `obstacle_ahead` finds the first one along a strip of ground."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -74,7 +72,8 @@ def obstacle_ahead(
     if not steep.any():
         return None
     first = int(np.argmax(steep))
-    near = _edge(heights[0], along, first, run)
+    level = np.abs(heights[0][first : first + run + 1] - heights[0][first]) < EDGE_BEGINS_M
+    near = float(along[first + int(np.argmin(level)) - 1])
     if near > reach_m:
         return None
     found = _classified(heights[0], along, first, run, near)
@@ -96,12 +95,6 @@ def _on_a_bar(terrain: Terrain, x: float, z: float, direction: Array, drop: Obst
     heights = terrain.height(x + behind * direction[0], z + behind * direction[1])
     low = drop.ground + drop.top
     return bool((np.abs(heights - low) <= min(LEVEL_M, RETURN_FRACTION * abs(drop.top))).any())
-
-
-def _edge(row: Array, along: Array, first: int, run: int) -> float:
-    """Distance (m) at which the ground begins to rise or fall, in the window of `run` samples from `first` on."""
-    level = np.abs(row[first : first + run + 1] - row[first]) < EDGE_BEGINS_M
-    return float(along[first + int(np.argmin(level)) - 1])
 
 
 def _classified(row: Array, along: Array, first: int, run: int, near: float) -> ObstacleAhead | None:

@@ -3,8 +3,6 @@
 Points around the root are checked in all directions, so that no limb touches a wall on a diagonal or a spike.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Unclimbable steps up and down: found on the path ahead, and hidden from the heights that the network sees."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

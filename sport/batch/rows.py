@@ -1,7 +1,5 @@
 """The list of a batch (CSV with a header, or JSON lines), and the task of each row: arguments of `sport generate`."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 import hashlib

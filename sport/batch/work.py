@@ -1,7 +1,5 @@
 """Makes the files of rows: of one row, and of all of them in parallel processes."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import hashlib

@@ -1,7 +1,5 @@
 """`sport bench`: speed and memory on this machine."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

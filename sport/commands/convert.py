@@ -1,7 +1,5 @@
 """`sport convert`: a take (BVH, GLB, VRM, FBX) as another file."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`sport restyle`: the path, speed, facing and gaits of a clip, walked by a prompt."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

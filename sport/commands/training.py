@@ -1,7 +1,5 @@
 """`sport train` and `sport evaluate`: their modules need the extra packages of `[train]` and parse their own arguments."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Sequence
 

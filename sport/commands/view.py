@@ -1,7 +1,5 @@
 """`sport view`: the viewer in a window, or its frames without one."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import fields
 from pathlib import Path

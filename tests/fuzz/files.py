@@ -25,6 +25,7 @@ from runtime.formats.sidecar import format_metadata
 from runtime.formats.usd import save_usd
 from runtime.pose import Pose
 from runtime.prompts.blend import read_words
+from runtime.session.motion import Motion
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.metadata import Origin, PromptEvent, title
@@ -89,7 +90,7 @@ def _metadata_seeds(folder: Path) -> list[bytes]:
 def _read_metadata(folder: Path, data: bytes) -> None:
     put(folder, "input.bvh.json", data)
     take = load_clip_bvh(folder / "input.bvh")
-    take.describe().encode()
+    Motion.of(take).header.describe().encode()
     format_metadata(take, "").encode()
     for event in take.prompts:
         assert np.isfinite([event.seconds, event.transition_seconds]).all()

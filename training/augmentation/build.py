@@ -6,8 +6,6 @@ Writes `layer_*.npz` next to (or apart from) the imported clips, and `layers.jso
 descriptions of its parts, a key that names what each part does, and what the clip was made of.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging

@@ -1,7 +1,5 @@
 """The catalogue of part edits, read from `edits.toml`: parameters of each edit and the sentences that describe it."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 The generator varies strength and position slightly. The order of its draws must not change: it determines the data.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

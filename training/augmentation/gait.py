@@ -1,7 +1,5 @@
 """Gait timing from contacts: stances and swings, stride phase, curves over swings, and means over a gait cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +9,7 @@ from runtime.arrays import Array
 from runtime.easing import smoothstep
 from runtime.measures.signals import landings
 from runtime.motion.features import FPS
-from training.data.foot_cleaning import stretches
+from runtime.takes.footplants import stretches
 from training.frames import smooth
 
 _DEEPEST_FRAMES = 6.0  # from a landing to the deepest knee flexion

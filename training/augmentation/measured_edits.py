@@ -1,7 +1,5 @@
 """Effect of part edits on captured neutral walks, in their measures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Planted feet stay planted by construction: each foot moves by the displacement o
 passes the foot, held constant through a stance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any

@@ -1,7 +1,5 @@
 """Imported clips as sources of edited ones, sampled by style."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path

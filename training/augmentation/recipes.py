@@ -1,7 +1,5 @@
 """Random choice of the edits of a clip, without held-out edits and pairs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from runtime.arrays import Array

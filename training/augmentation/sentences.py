@@ -4,8 +4,6 @@ The catalogue says "left hand on the hip", a prompt "left hand on the hip, held 
 the pose should not change the meaning of the phrase, and of two clauses about head or torso both should have effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """Common parts of all methods: training clips, codes and speeds of styles, and the model folder."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil

@@ -4,8 +4,6 @@ It contains all captured training clips without mirror images, copies on synthet
 Styles are labels; a prompt selects the style with the nearest descriptions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ fitting a sine), and the footstep phase of PFNN, 0 when the right foot lands and
 et al. 2017, Sec. 4.1).
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 
@@ -97,6 +95,7 @@ def windows(vectors: Array) -> tuple[Array, Array]:
 
 
 KNOTS = 4
+MAX_INPUT_DEVIATIONS = 5.0  # limit of normalised inputs
 HALF = L // 2
 
 
@@ -141,17 +140,15 @@ class Baseline(nn.Module):
 
     def forward(self, x: Tensor, label: Tensor) -> Tensor:
         """Return y of one frame."""
-        y = self.normalised((x - self.x_mean) / self.x_deviation, x, label)
-        return y * self.y_deviation + self.y_mean
+        return self.normalised(self.scaled(x), x, label) * self.y_deviation + self.y_mean
+
+    def scaled(self, x: Tensor) -> Tensor:
+        """Return normalised x, clipped to ±`MAX_INPUT_DEVIATIONS`."""
+        return ((x - self.x_mean) / self.x_deviation).clamp(-MAX_INPUT_DEVIATIONS, MAX_INPUT_DEVIATIONS)
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
         """Return normalised y of `scaled`, normalised x; phases are taken from x itself."""
         raise NotImplementedError
-
-
-def present_phase(x: Tensor) -> Tensor:
-    """Return the previous frame's phase vectors `(B, 5, 2)` in x `(B, 472)`."""
-    return x[:, INPUT["phase"]].reshape(-1, L + 1, C, 2)[:, HALF]
 
 
 class PhaseFunctioned(Baseline):
@@ -172,7 +169,7 @@ class PhaseFunctioned(Baseline):
 
     def normalised(self, scaled: Tensor, x: Tensor, label: Tensor) -> Tensor:
         """See `Baseline`; the label has no effect, as PFNN has one style."""
-        now = present_phase(x)[:, FOOTSTEP]
+        now = x[:, INPUT["phase"]].reshape(-1, L + 1, C, 2)[:, HALF][:, FOOTSTEP]
         phase = torch.atan2(now[:, 0], now[:, 1])
         h = scaled[:, :MOTION_INPUT_SIZE]
         for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):

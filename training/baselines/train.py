@@ -33,7 +33,6 @@ from training.presets import preset
 MIN_DEVIATION = 1e-2  # of x and y in physical units, so that constant entries are not amplified
 MAX_FRAMES = 600_000  # of randomly chosen clips
 BATCH, MAX_LEARNING_RATE = 256, 1e-3  # samples per step; initial rate
-MAX_INPUT_DEVIATIONS = 5.0  # limit of normalised inputs
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ def fit(network: Baseline, frames: LabelledFrames, steps: int, seed: int, report
         rows = rng.integers(0, len(frames.x), BATCH)
         x, y = (torch.from_numpy(v[rows].astype(np.float32)) for v in (frames.x, frames.y))
         label = nn.functional.one_hot(torch.from_numpy(frames.style[rows]), len(frames.styles)).float()
-        made = network.normalised(scaled(network, x), x, label)
+        made = network.normalised(network.scaled(x), x, label)
         loss = (made - (y - network.y_mean) / network.y_deviation).square().mean()
         optimiser.zero_grad()
         loss.backward()
@@ -134,11 +133,6 @@ def fit(network: Baseline, frames: LabelledFrames, steps: int, seed: int, report
             report(f"step {step}: {np.mean(losses[-100:]):.4f}")
     network.eval()
     return float(np.mean(losses[-max(1, steps // 10) :]))
-
-
-def scaled(network: Baseline, x: Tensor) -> Tensor:
-    """Return normalised x, clipped to ±`MAX_INPUT_DEVIATIONS`."""
-    return ((x - network.x_mean) / network.x_deviation).clamp(-MAX_INPUT_DEVIATIONS, MAX_INPUT_DEVIATIONS)
 
 
 class LabelGraph(nn.Module):
@@ -174,12 +168,9 @@ class BaselineStepGraph(nn.Module):
         self, x: Tensor, noise: Tensor, front_bias: Tensor, content_weight: Tensor, content_bias: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Return y and a weight of one."""
-        network = self.network
         label = front_bias.expand(x.shape[0], -1) + 0.0 * (content_weight.sum() + content_bias.sum())
-        y = network.normalised(scaled(network, x), x, label)
-        y = y * network.y_deviation + network.y_mean
         rest = 0.0 * noise.sum((1, 2, 3))[:, None]
-        return y + rest, torch.ones_like(rest)
+        return self.network(x, label) + rest, torch.ones_like(rest)
 
 
 def export(network: Baseline, frames: LabelledFrames, model: Path, out: Path, notes: dict[str, Any]) -> Path:

@@ -3,8 +3,6 @@
 `python -m training.data.contact_sheet --dataset DIR --out SHEETS`
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Cutting of clips: removes lead-ins and spikes, and splits clips into training and held-out parts."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter, defaultdict
 
@@ -10,7 +8,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
-from training.data.foot_cleaning import stretches
+from runtime.takes.footplants import stretches
 from training.data.labels import smooth
 from training.data.retarget import FPS, speed
 

@@ -1,7 +1,5 @@
 """Foot cleaning: feet in contact are fixed in place on the ground, and legs follow by IK."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -12,6 +10,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet.ik import MAX_REACH, solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from runtime.takes.footplants import stretches
 from training.data.retarget import FOOT_OFFSET, LEG_LENGTH, heel_rise, pitched
 
 GroundHeight = Callable[[Array, Array], Array]
@@ -56,12 +55,6 @@ def clean_feet(
     local = solve_legs(hips, local, ankles, foot)
     local = rotations.continuous(rotations.normalize(local))
     return hips.astype(np.float32), local.astype(np.float32)
-
-
-def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first and end index of every run of True."""
-    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:

@@ -45,7 +45,10 @@ def import_all(data: Path, out: Path, workers: int | None = None, free_only: boo
     folder = out / "clips"
     folder.mkdir(parents=True, exist_ok=True)
     held = cutting.held_out_names([(c.name, c.style, c.content) for c in clips])
-    calibrations = {key: _calibrate(group) for key, group in _groups(clips).items()}
+    groups: dict[str, list[ClipSource]] = {}
+    for clip in clips:
+        groups.setdefault(clip.capture, []).append(clip)
+    calibrations = {key: _calibrate(group) for key, group in groups.items()}
     jobs = [ImportJob(c, calibrations[c.capture], c.name in held, folder) for c in clips]
     report = Report(refused=list(refused))
     for summaries, refusals in _run(jobs, workers):
@@ -91,13 +94,6 @@ def _run(jobs: list[ImportJob], workers: int | None) -> Iterable[tuple[list[Clip
         return
     with ProcessPoolExecutor(workers) as pool:
         yield from pool.map(import_clip, jobs, chunksize=8)
-
-
-def _groups(clips: list[ClipSource]) -> dict[str, list[ClipSource]]:
-    groups: dict[str, list[ClipSource]] = {}
-    for clip in clips:
-        groups.setdefault(clip.capture, []).append(clip)
-    return groups
 
 
 def _calibrate(group: list[ClipSource]) -> FootCalibration:

@@ -1,7 +1,5 @@
 """Per-frame labels of a retargeted motion: foot contacts and gait."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,18 +73,13 @@ def label_gait(hips: Array, contacts: Array | NDArray[np.uint8], ground: Array, 
     gait[pace < STAND_SPEED] = Gait.STAND
     gait[smooth(hips[:, 1] - ground, 0.5) < CROUCH_HEIGHT] = Gait.CROUCH
     if "jump" in content or "hop" in content:
-        gait[_airborne(hips, contacts)] = Gait.JUMP
+        from scipy.ndimage import binary_dilation, binary_opening
+
+        air = binary_opening(contacts.sum(1) == 0, iterations=4)
+        gait[binary_dilation(air, iterations=round(0.35 * FPS))] = Gait.JUMP
     if "wave" in content or "raise" in content:
         gait[:] = Gait.STAND
     return soften(np.eye(len(Gait))[gait])
-
-
-def _airborne(hips: Array, contacts: Array | NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Return frames from the crouch before a take-off to the recovery after the landing."""
-    from scipy.ndimage import binary_dilation, binary_opening
-
-    air = binary_opening(contacts.sum(1) == 0, iterations=4)
-    return binary_dilation(air, iterations=round(0.35 * FPS))
 
 
 def soften(gait: Array) -> Array:

@@ -1,7 +1,5 @@
 """Readers of JSON, and of takes that are not BVH with Y up."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,15 +1,14 @@
 """Random ground: relief that does not touch footsteps, and hills and stairs for clips captured on a floor."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.easing import smoothstep
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from runtime.takes.footplants import stretches
 from training.data.clips import CELL_M, FLAT_MARGIN_M, Patches, grid_under
-from training.data.foot_cleaning import bridge, stretches
+from training.data.foot_cleaning import bridge
 from training.data.labels import FOOT_JOINTS
 from training.data.retarget import speed
 

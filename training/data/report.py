@@ -1,7 +1,5 @@
 """Import report: what was imported, cut and refused, and imported walks compared with their source files."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter, defaultdict
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Retargeting of source BVH to the SPORT skeleton at 60 Hz: rotations by calibrated rest poses, feet by two-bone IK."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Style and content of each file of the data sets, or why it is left out."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import lru_cache

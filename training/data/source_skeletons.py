@@ -1,7 +1,5 @@
 """Joint maps and rest-pose corrections of the skeletons of known motion data sets."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

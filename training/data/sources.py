@@ -3,8 +3,6 @@
 Reading, retargeting, labels, cutting, cleaning and ground are the same for all (`training.data.importer`).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """`sport evaluate`: scores models against captured motion (Sec. IV, Table I), on obstacle courses, and by prompts."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ An `Experiment` is a record of measurement, inputs and table. `run` adds the com
 measuring, prints the table, and writes figures and table: `python -m training.evaluation NAME --help`.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging

@@ -4,8 +4,6 @@ Clips of the public `generate_clip` with a known stick script are exported, and 
 (`training.evaluation.metrics.moments`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial

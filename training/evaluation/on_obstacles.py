@@ -1,7 +1,5 @@
 """Six obstacle courses along +Z at full stick: scores by style and gait, and tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial

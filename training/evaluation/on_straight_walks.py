@@ -1,7 +1,5 @@
 """Straight walks of every captured style at full stick, generated and raw: `python -m training.evaluation gait`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

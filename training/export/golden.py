@@ -3,8 +3,6 @@
 python -m training.export.golden assets/golden_step.npz
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Export of torch modules to ONNX graphs, checked against torch, with weights in half precision."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Export of trained weights for the runtime: ONNX graphs and a metadata file with their hashes."""
 
-from __future__ import annotations
-
 import datetime
 import hashlib
 from dataclasses import asdict, dataclass

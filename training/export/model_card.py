@@ -1,7 +1,5 @@
 """The model card of exported networks: `model_card.md` filled with the values of a model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

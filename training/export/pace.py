@@ -1,7 +1,5 @@
 """Data of the runtime besides weights: speeds of styles, phase rates at rest, the neutral style, and the first frame."""
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 

@@ -5,8 +5,6 @@ all experts of a layer are one matrix product, E's projection into the denoiser 
 embeddings are constants, and the convolution over the tokens is one wide product.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import torch

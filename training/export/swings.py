@@ -4,8 +4,6 @@ Every captured style is walked straight ahead, and the swings of hips, shoulders
 The gains are written with the style's code into the model's metadata; `runtime.motion.swing` applies them.
 """
 
-from __future__ import annotations
-
 import argparse
 import logging
 from collections.abc import Mapping, Sequence

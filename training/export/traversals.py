@@ -4,8 +4,6 @@ Characters of several styles walk and jog over bars, gaps and steps. A size coun
 every check; larger or other obstacles are crossed by keyframes. The sizes are written into the model's metadata.
 """
 
-from __future__ import annotations
-
 import argparse
 import logging
 from collections.abc import Sequence

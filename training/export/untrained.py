@@ -7,8 +7,6 @@ Writes plain.onnx (content experts blended in every frame), style.onnx, step.onn
 no metadata: it is not a usable model.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Content encoder (Sec. III-C, Fig. 4): body-part motion VAE, text VAE, and the sequence decoder between them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -86,11 +84,6 @@ def _layer(config: ModelConfig) -> dict[str, Any]:
     }
 
 
-def _transformer(config: ModelConfig) -> nn.TransformerEncoder:
-    layer = nn.TransformerEncoderLayer(PART_SIZE, **_layer(config))
-    return nn.TransformerEncoder(layer, config.content_layers, enable_nested_tensor=False)
-
-
 class MotionSequenceEncoder(nn.Module):
     """E_J, then E_T: encodes a sequence `(B, 40, 31, 9)` as six independent VAE tokens."""
 
@@ -100,7 +93,8 @@ class MotionSequenceEncoder(nn.Module):
         super().__init__()
         self.joints = PartAttention()
         self.tokens = nn.Parameter(0.1 * torch.randn(PARTS, 2, PART_SIZE))  # mean and variance
-        self.temporal = _transformer(config)
+        layer = nn.TransformerEncoderLayer(PART_SIZE, **_layer(config))
+        self.temporal = nn.TransformerEncoder(layer, config.content_layers, enable_nested_tensor=False)
         self.register_buffer("position", _position_table(SEQUENCE_LENGTH + 2, PART_SIZE))
 
     def forward(self, joints: Tensor, root: Tensor) -> Gaussian:

@@ -1,7 +1,5 @@
 """Motion decoders: the one-layer MoE decoder E_d of stage 2 and the x0-predicting denoiser of stage 3 (Sec. III-E)."""
 
-from __future__ import annotations
-
 import math
 
 import torch
@@ -31,13 +29,6 @@ class MixtureDecoder(nn.Module):
 def blend_codes(codes: Tensor, alpha: Tensor) -> Tensor:
     """Return y = Σ_k alpha_k c_k from codes `(B, K, output)` and alpha `(B, K)`."""
     return torch.einsum("bk,bko->bo", alpha, codes)
-
-
-def step_embedding(step: Tensor) -> Tensor:
-    """Return the sinusoidal embedding `(B, 64)` of the diffusion step index `(B,)`."""
-    frequency = torch.exp(-math.log(10000.0) * torch.arange(32, device=step.device) / 32)
-    angle = step.float()[:, None] * frequency
-    return torch.cat([angle.sin(), angle.cos()], dim=-1)
 
 
 class TokenConvolution(nn.Module):
@@ -93,7 +84,9 @@ class Denoiser(nn.Module):
 
     def embed_step(self, step: Tensor) -> Tensor:
         """Return the step embedding `(B, width)`, a constant at run time."""
-        return self.project_step(step_embedding(step))
+        frequency = torch.exp(-math.log(10000.0) * torch.arange(32, device=step.device) / 32)
+        angle = step.float()[:, None] * frequency
+        return self.project_step(torch.cat([angle.sin(), angle.cos()], dim=-1))
 
     def denoise(self, noisy: Tensor, condition: Tensor, step: Tensor) -> Tensor:
         """Predict clean codes from noisy codes, `condition(e)` and `embed_step(step)`."""

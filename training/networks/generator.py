@@ -1,7 +1,5 @@
 """Motion generator of Fig. 2: motion encoder, content modulator and one of the two decoders."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 

@@ -1,7 +1,5 @@
 """Mixtures of experts written as one matrix product per layer, and the gating networks that blend them."""
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -1,7 +1,5 @@
 """Recursive content modulator (Sec. III-D): content experts inside each outer expert, AdaIN on W."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import elu

@@ -1,7 +1,5 @@
 """Periodic autoencoders (Sec. III-B, Fig. 3): PAE and the body-part aware BP-PAE."""
 
-from __future__ import annotations
-
 import math
 
 import torch

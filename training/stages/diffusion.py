@@ -1,7 +1,5 @@
 """Stage 3: the diffusion decoder of the motion generator (Sec. III-F), and the variances of its steps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 

@@ -5,8 +5,6 @@ y and embedding E are kept, so that words and denoiser keep their meaning, also 
 `training.courses` it is trained as in stage 2, with the true heights.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -58,7 +56,12 @@ def run_ground(
     def losses(item: Tensor) -> Losses:
         mixed = stage_motion.mixed_batch(data, item[:held_rows], lanes)
         mixed.z = _drawn_out(mixed.z, plain)
-        held, embedding = _held(data, teacher, module, mixed, lanes)
+        with torch.no_grad():
+            known, alpha = teacher.embed(mixed.x, mixed.z)
+            with stage_motion.full_precision(known.device):
+                mixed.target = teacher.mixture_decoder(known.float(), alpha.float())
+        found, e = stage_motion.mixture_losses(data, module, mixed, lanes)
+        held, embedding = found, mse_loss(e, known.float())
         mixed = stage_motion.mixed_batch(courses, item[held_rows:], ahead_lanes)
         new, _ = stage_motion.mixture_losses(courses, module, mixed, ahead_lanes)
         total = (1.0 - COURSES_FRACTION) * (
@@ -74,22 +77,6 @@ def run_ground(
     train(session, "ground", state, both, losses, rate, length)
     module.load_state_dict(state.average.values)
     return module.eval()
-
-
-def _held(
-    data: MotionData,
-    teacher: Generator,
-    module: Generator,
-    mixed: stage_motion.MixedBatch,
-    lanes: stage_motion.RolloutLanes,
-) -> tuple[Losses, Tensor]:
-    """Return losses against the teacher's y on the same inputs, and the distance of the embeddings."""
-    with torch.no_grad():
-        known, alpha = teacher.embed(mixed.x, mixed.z)
-        with stage_motion.full_precision(known.device):
-            mixed.target = teacher.mixture_decoder(known.float(), alpha.float())
-    found, e = stage_motion.mixture_losses(data, module, mixed, lanes)
-    return found, mse_loss(e, known.float())
 
 
 def _drawn_out(z: Tensor, neutral: Tensor) -> Tensor:

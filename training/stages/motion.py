@@ -1,7 +1,5 @@
 """Stage 2: the motion generator with the MoE decoder, and losses shared with stages 3 and ground (Sec. III-F)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass

@@ -4,8 +4,6 @@ Only the text network is trained, on its own codes: those of all training senten
 motion generator stays valid; sentences of `training.augmentation.sentences` get the codes of their phrases.
 """
 
-from __future__ import annotations
-
 import copy
 import logging
 import math

@@ -5,8 +5,6 @@
 Run it after every change of library.json, of clauses.toml, or of a style's first description in styles.json; without it the viewer computes them at its first prompt.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

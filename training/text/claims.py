@@ -4,8 +4,6 @@ A claim is a pattern and a range of one measure, absolute or relative to the neu
 fraction is the position of a walk between neutral and the range: 0 at neutral or farther away, 1 within the range.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Measures of imported clips, for captions in the words of prompts and as targets of training."""
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Sequence

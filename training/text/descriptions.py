@@ -4,8 +4,6 @@ words.toml maps measures to words. Every phrase has synonyms, selected by `k`, s
 descriptions.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from functools import cache

@@ -6,8 +6,6 @@ The weights are a local folder in Hugging Face's format: config.json, model.safe
 tokenizer.json. Nothing is downloaded. The output folder gets clip_text.onnx, tokenizer.json and text_encoder.json.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -8,8 +8,6 @@ captured style and gait, for every phrase of edits.toml in captions (over the st
 range in a gait. `--disagreements` lists captions whose hand-written meaning contradicts their capture.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections import defaultdict
@@ -34,7 +32,7 @@ from runtime.prompts.edit_targets import HAND, phrases, spoken
 from runtime.prompts.library_data import load_styles
 from runtime.safe_read import open_npz
 from runtime.skeleton import SPORT_SKELETON
-from training.data.foot_cleaning import stretches
+from runtime.takes.footplants import stretches
 from training.frames import PLAIN
 
 ASKED_WEIGHT = 1e-5  # of the requested edit: measures without changing the pose

@@ -1,7 +1,5 @@
 """The compare view: variants of the prompt follow one stick, and one of them can become the live character."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Callable, Sequence

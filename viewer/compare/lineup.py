@@ -1,7 +1,5 @@
 """Positions, camera distance and names of compared characters."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

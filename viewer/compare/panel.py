@@ -1,7 +1,5 @@
 """The compare view's panel, in place of the prompt panel, and the names above its characters."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -44,7 +42,12 @@ def draw(compare: CompareView) -> None:
             imgui.pop_id()
     imgui.end_child()
     compare.focus_requested = False
-    _buttons(compare)
+    add = compare.add if len(compare.variants) < MAX_CHARACTERS else None
+    widgets.buttons(
+        (f"{ICON.plus} Add", "Add a character: the live prompt, the next seed", add),
+        ("Line up", "Line them up again (Home)", compare.line_up),
+    )
+    widgets.buttons((f"{ICON.close} Close", "Back to the live character (Escape)", compare.close))
     if kept >= 0:
         compare.keep(kept)
     elif removed >= 0:
@@ -107,15 +110,6 @@ def _prompt(compare: CompareView, index: int, variant: Variant) -> None:
         del compare.texts[variant.number]
     if entered and text.strip():
         compare.ask(index, text)
-
-
-def _buttons(compare: CompareView) -> None:
-    add = compare.add if len(compare.variants) < MAX_CHARACTERS else None
-    widgets.buttons(
-        (f"{ICON.plus} Add", "Add a character: the live prompt, the next seed", add),
-        ("Line up", "Line them up again (Home)", compare.line_up),
-    )
-    widgets.buttons((f"{ICON.close} Close", "Back to the live character (Escape)", compare.close))
 
 
 Place = tuple[float, float]  # on the screen

@@ -1,7 +1,5 @@
 """The camera of a take: keyed views, shown on a track of the timeline, looked through, and filmed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Cut, split, repeat and join takes: a menu of the playing take."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

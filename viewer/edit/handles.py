@@ -1,7 +1,5 @@
 """Mouse handles in the view: points dragged in the plane facing the camera or on the ground, and rotation rings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

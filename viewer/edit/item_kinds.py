@@ -1,7 +1,5 @@
 """The kinds of items on each track, and how edits remove and add them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import zip_longest
@@ -10,18 +8,9 @@ from typing import Any
 from runtime.errors import UsageError
 from runtime.session import edits
 from runtime.session.session import Session, Take
+from runtime.takes import input_edits
 from runtime.takes.camera_keys import with_key
 from runtime.takes.footplants import FootplantEdit, fitted_footplant
-from runtime.takes.input_edits import (
-    Edit,
-    GaitSpan,
-    PromptSpan,
-    Span,
-    gait_spans,
-    gaits_laid,
-    prompt_spans,
-    prompts_laid,
-)
 from runtime.takes.input_recording import InputRecording
 from runtime.takes.pins import Pin
 from viewer.edit.pins import Pins
@@ -80,7 +69,7 @@ def _to_take(change: TakeChange) -> Callable[[Session, int, Items, Items], tuple
 # --- resimulated edits
 
 
-def _places(spans: Sequence[Span], gone: Items, put: Items) -> list[int]:
+def _places(spans: Sequence[input_edits.Span], gone: Items, put: Items) -> list[int]:
     """Return the indices of spans that an edit removes; UsageError if nothing would be left."""
     starts = {item.start for item in gone}
     places = [i for i, span in enumerate(spans) if span.start in starts]
@@ -89,14 +78,14 @@ def _places(spans: Sequence[Span], gone: Items, put: Items) -> list[int]:
     return places
 
 
-def _prompts(inputs: InputRecording, gone: Items, put: Items) -> Edit:
-    new = [PromptSpan(item.start, item.end, item.value.changes) for item in put]
-    return prompts_laid(inputs, _places(prompt_spans(inputs), gone, put), new)
+def _prompts(inputs: InputRecording, gone: Items, put: Items) -> input_edits.Edit:
+    new = [input_edits.PromptSpan(item.start, item.end, item.value.changes) for item in put]
+    return input_edits.prompts_laid(inputs, _places(input_edits.prompt_spans(inputs), gone, put), new)
 
 
-def _gaits(inputs: InputRecording, gone: Items, put: Items) -> Edit:
-    new = [GaitSpan(item.start, item.end, item.value.gait) for item in put]
-    return gaits_laid(inputs, _places(gait_spans(inputs.gaits()), gone, put), new)
+def _gaits(inputs: InputRecording, gone: Items, put: Items) -> input_edits.Edit:
+    new = [input_edits.GaitSpan(item.start, item.end, item.value.gait) for item in put]
+    return input_edits.gaits_laid(inputs, _places(input_edits.gait_spans(inputs.gaits()), gone, put), new)
 
 
 # --- keys

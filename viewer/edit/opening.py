@@ -1,7 +1,5 @@
 """Opens files that are dropped, chosen or typed, by their ending."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Paths drawn on the ground with the mouse: the live character walks them, a take is resimulated along them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

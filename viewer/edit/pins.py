@@ -1,7 +1,5 @@
 """Pins and footplants of the playing take, or pins of the live character: edits, handles in the view, and the pin's card."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

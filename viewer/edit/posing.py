@@ -1,7 +1,5 @@
 """Posing by hand: a joint picked in the view is rotated or moved by a gizmo, which keys the take's pose layer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial

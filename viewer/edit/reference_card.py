@@ -1,7 +1,5 @@
 """The card of the reference compared with the playing take, a film's picture, and the menu to choose it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Edits of a take's input (prompts, gaits, path), with resimulation by the recorded stick; also restyling with a prompt."""
 
-from __future__ import annotations
-
 import dataclasses
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The selection of items on tracks or in the list of takes, and the commands on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -169,7 +167,8 @@ class Selection:
             self.preview = None
             return
         editor, messages = self.editing.takes.editor, self.editing.takes.messages
-        kinds = self._kinds_of((*gone, *put))
+        names = {item.kind for item in (*gone, *put)}
+        kinds = [kind for name, kind in self.kinds.items() if name in names]
         refusal = self._refusal(kinds)
         if refusal:
             messages.warn(refusal)
@@ -186,10 +185,6 @@ class Selection:
         """Return why an edit of these kinds is impossible now, or ""."""
         waits = self.editing.busy and not all(kind.listed for kind in kinds)
         return self.editing.fixed if waits or any(kind.edit for kind in kinds) else ""
-
-    def _kinds_of(self, items: Items) -> list[ItemKind]:
-        names = {item.kind for item in items}
-        return [kind for name, kind in self.kinds.items() if name in names]
 
     def _own(self, kind: ItemKind, *parts: Items) -> list[list[Item]]:
         return [[item for item in items if self.kinds[item.kind] is kind] for items in parts]

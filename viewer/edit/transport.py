@@ -1,7 +1,5 @@
 """The bar under the view while a take plays: buttons, and the timeline with the tracks of all tools."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace

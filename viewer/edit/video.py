@@ -1,7 +1,5 @@
 """A reference film: small compressed pictures in memory, for immediate access to any of them."""
 
-from __future__ import annotations
-
 import bisect
 import io
 from collections.abc import Iterator

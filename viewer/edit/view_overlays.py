@@ -1,7 +1,5 @@
 """Overlays around the pose in view: trajectory, path, pins, ghosts, trails, and the reference."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

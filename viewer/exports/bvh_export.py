@@ -1,7 +1,5 @@
 """One-button export of takes as BVH, and which files of this run contain which take."""
 
-from __future__ import annotations
-
 import os
 import re
 import unicodedata

@@ -1,7 +1,5 @@
 """The export window: format, path, options of motion or film, progress."""
 
-from __future__ import annotations
-
 from runtime.formats.engines import ENGINES
 from runtime.options import spec_of
 from viewer.exports.exporting import Exporting
@@ -44,7 +42,13 @@ def panel(exporting: Exporting) -> Panel:
             if imgui.begin_child("options", imgui.ImVec2(0, -px(FOOTER_HEIGHT_PX))):
                 _lists_and_sliders(exporting)
                 _toggles(exporting)
-                _strides(exporting)
+                form = exporting.form
+                if form.loop and form.has("loop"):
+                    spec = spec_of(form, "strides")
+                    widgets.row(spec.label, spec.hint)
+                    exporting.choose(
+                        strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides)
+                    )
             imgui.end_child()
         _end(exporting)
         exporting.remember()
@@ -117,16 +121,6 @@ def _toggles(exporting: Exporting) -> None:
             widgets.same_line()
         if widgets.toggle(spec.label, on, width, hints.get(name, spec.hint)) != on:
             exporting.choose(**{name: values[not on]})
-
-
-def _strides(exporting: Exporting) -> None:
-    form = exporting.form
-    if form.loop and form.has("loop"):
-        spec = spec_of(form, "strides")
-        widgets.row(spec.label, spec.hint)
-        exporting.choose(
-            strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides)
-        )
 
 
 def _end(exporting: Exporting) -> None:

@@ -1,7 +1,5 @@
 """Films of takes: drawn by an offscreen renderer and written at the same time, with captions, progress and cancellation."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import threading

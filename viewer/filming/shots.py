@@ -1,7 +1,5 @@
 """Options of a film, and its cameras by name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

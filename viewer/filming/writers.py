@@ -1,7 +1,5 @@
 """Film writers: MP4, numbered PNG files, animated WebP or GIF; each complete or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Internal errors cost an action, not the program: exceptions within a frame are caught, reported, and the tool is closed."""
 
-from __future__ import annotations
-
 import logging
 import os
 import platform

@@ -1,7 +1,5 @@
 """File dialogs: the system's own if it has a program for them, else a built-in one with folders and files to click or type."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

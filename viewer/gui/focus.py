@@ -1,7 +1,5 @@
 """Keyboard focus: the view, where single keys drive and act, or a panel or window, where they type and select."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, auto

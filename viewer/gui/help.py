@@ -1,7 +1,5 @@
 """The help window's table of all controls, for both devices."""
 
-from __future__ import annotations
-
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import ICON, Fonts

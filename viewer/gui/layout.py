@@ -1,7 +1,5 @@
 """Places the panels as a pure function of the window size, so that nothing can overlap at any size or scale."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 MARGIN_PX = 10.0  # all lengths at scale 1

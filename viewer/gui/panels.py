@@ -1,7 +1,5 @@
 """Panels and their windows: tools make panels, the shell draws them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field

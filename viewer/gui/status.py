@@ -1,7 +1,5 @@
 """The status line: message on the left, with a list of recent ones; facts about the machine on the right."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

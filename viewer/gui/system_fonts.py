@@ -1,7 +1,5 @@
 """Draws scripts that the shipped font lacks, such as Japanese, with fonts of the system."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

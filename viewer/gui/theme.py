@@ -1,7 +1,5 @@
 """Fonts and colours of the interface: dark, quiet, one accent."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Small building blocks of the panels, and widgets for settings; lengths in pixels at scale 1 go through `px`."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence

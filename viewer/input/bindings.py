@@ -1,7 +1,5 @@
 """Key and button bindings: one table used by the input mapper and the help overlay."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Gamepads: one state per frame from an injectable source, so that tests and other devices can stand in."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sends the shown poses to another program, without waiting for it."""
 
-from __future__ import annotations
-
 import math
 import socket
 import struct

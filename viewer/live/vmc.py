@@ -3,8 +3,6 @@
 https://protocol.vmc.info: Unity's axes (left-handed, the character's right on +X) and names of Unity's HumanBodyBones.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field

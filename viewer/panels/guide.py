@@ -1,7 +1,5 @@
 """First-run guide: five steps that are ticked off as they are done; shown once, until skipped or finished."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Two windows: the report of an internal error, and the offer to restore an interrupted session."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

@@ -1,7 +1,5 @@
 """The scene panel: ground, camera, overlays, and rendering."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The bar at the top of the view: session menu and name."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The settings window: interface, takes, controls and the model."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress

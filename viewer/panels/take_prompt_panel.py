@@ -1,7 +1,5 @@
 """The prompt panel of the playing take, in place of the live one, with the prompt at the frame shown."""
 
-from __future__ import annotations
-
 from runtime.prompts.expander import MAX_PROMPT_CHARACTERS
 from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
@@ -36,7 +34,10 @@ def draw(editing: Resimulation) -> None:
         return
     mark = tracks.prompts[index]
     if editing.shown is not mark:
-        _fill(editing, mark)
+        event = mark.of.event
+        words = words_of(event)
+        editing.shown, editing.prompt = mark, title(event, MAX_PROMPT_CHARACTERS)  # Enter sends what is there
+        editing.parts = dict.fromkeys(PART_NAMES, "") if words is None else dict(words.to_mapping())
     take = editing.take
     zero = 0 if take is None else take.numbered_from
     frames = f", frames {mark.start - zero} to {mark.end - 1 - zero}"
@@ -60,13 +61,6 @@ def _restyle(editing: Resimulation) -> None:
         if widgets.button(f"{ICON.wand} Restyle", -1, primary=True) or entered:
             restyle(editing, editing.prompt)
     widgets.muted("The new take is added to the list, on the ground shown.", wrap=True)
-
-
-def _fill(editing: Resimulation, mark: Mark) -> None:
-    event = mark.of.event
-    words = words_of(event)
-    editing.shown, editing.prompt = mark, title(event, MAX_PROMPT_CHARACTERS)  # Enter sends what is there
-    editing.parts = dict.fromkeys(PART_NAMES, "") if words is None else dict(words.to_mapping())
 
 
 def _prompt(editing: Resimulation, index: int) -> None:

@@ -1,7 +1,5 @@
 """The takes panel: recording, list, and export."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -24,7 +22,7 @@ from viewer.session.opening import open_file, open_reference
 from viewer.session.sessions import OPENING, Sessions
 from viewer.session.summaries import describe
 from viewer.session.takes import Takes
-from viewer.settings import TAKE_ORDERS, Settings
+from viewer.settings import TAKE_ORDERS
 
 ROWS, ROW_PX = 6, 25.0  # minimum rows of the list, and the height of one at scale 1
 RENAME_HINT = "Double-click renames it"
@@ -362,14 +360,6 @@ def _animations(takes: Takes, references: ReferenceCard, take: Take) -> None:
     imgui.end_menu()
 
 
-def _rate_and_unit(settings: Settings) -> None:
-    gap = px(10)
-    half = (imgui.get_content_region_avail().x - gap) / 2
-    widgets.setting_choice(settings, "export_fps", half)
-    imgui.same_line(0, gap)
-    widgets.setting_choice(settings, "export_unit", half)
-
-
 def _export_height(short: bool) -> float:
     return imgui.get_frame_height_with_spacing() * (2 if short else 3) + px(8)
 
@@ -382,7 +372,11 @@ def _export(panel: TakesPanel, take: Take, short: bool) -> None:
     entered, bvh.path = widgets.input_text("##export path", bvh.path, "~/sport-clips/walk.bvh", flags)
     widgets.tooltip(f"Where {Path(bvh.path).name} is written")
     if not short:
-        _rate_and_unit(takes.settings)
+        gap = px(10)
+        half = (imgui.get_content_region_avail().x - gap) / 2
+        widgets.setting_choice(takes.settings, "export_fps", half)
+        imgui.same_line(0, gap)
+        widgets.setting_choice(takes.settings, "export_unit", half)
     busy, several = takes.jobs.busy(Slot("export", take.number)), len(takes.session.takes) > 1
     text, what = "Export BVH", "the take"
     if take.trimmed:

@@ -1,7 +1,5 @@
 """Source of a prompt's answer, the nearest prompts with similarity bars, and remarks."""
 
-from __future__ import annotations
-
 from runtime.prompts.answer import Answer
 from runtime.session.prompt_blend import PromptBlend, Side
 from viewer.gl_bindings import imgui

@@ -1,7 +1,5 @@
 """The choice of who answers prompts, the library or a language model at a compatible endpoint: settings, test, and popup."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import dataclass, field
 

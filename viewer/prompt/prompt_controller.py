@@ -1,7 +1,5 @@
 """Applies prompts, edited words, locks and blends to the session and the character's style."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import time

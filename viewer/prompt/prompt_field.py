@@ -1,7 +1,5 @@
 """A text field for a prompt: suggestions while typing, the last prompts by arrow keys, and undo of the session."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from runtime.session.prompt_blend import Side
@@ -168,7 +166,9 @@ def _follow(box: PromptText, before: str, field_id: int, hint: str) -> None:
     if imgui.is_item_deactivated():
         box.suggesting = False
     if not box.text and not is_active(field_id):
-        _hint_over_item(hint)
+        corner, pad = imgui.get_item_rect_min(), imgui.get_style().frame_padding
+        color = widgets.packed((*theme.MUTED[:3], 0.8))
+        imgui.get_window_draw_list().add_text(imgui.ImVec2(corner.x + pad.x, corner.y + pad.y), color, hint)
 
 
 def _list(
@@ -223,9 +223,3 @@ def _row(suggestion: Suggestion, i: int, box: PromptText, width: float, height: 
     text = widgets.elided(suggestion.text, right - left)
     drawing.add_text(imgui.ImVec2(left, middle), widgets.packed(theme.TEXT), text)
     return bool(hovered and imgui.is_mouse_clicked(0))
-
-
-def _hint_over_item(text: str) -> None:
-    corner, pad = imgui.get_item_rect_min(), imgui.get_style().frame_padding
-    color = widgets.packed((*theme.MUTED[:3], 0.8))
-    imgui.get_window_draw_list().add_text(imgui.ImVec2(corner.x + pad.x, corner.y + pad.y), color, text)

@@ -1,7 +1,5 @@
 """The prompt panel: the prompt, who answered, six editable descriptions, a blend, and prompts to choose from."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

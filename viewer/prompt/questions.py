@@ -1,7 +1,5 @@
 """Pending prompt requests, and how their answers change a blend and a session."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Suggestions while a prompt is typed: word matches at once, nearest in meaning from a worker thread."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Yaw is the heading of the view direction about +Y (0 looks along +Z, positive tu
 pitch is how far the view looks down. Cameras are right-handed, OpenGL clip space.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Skinned characters: the mesh on the GPU, joint matrices in a uniform block, solid and translucent drawing."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Protocol
 

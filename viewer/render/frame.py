@@ -1,7 +1,5 @@
 """The constants of one frame: camera, sun, shadow and fog, and their uniform block."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Compiles the GLSL shader files with defines; small helpers for moderngl."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any

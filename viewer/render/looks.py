@@ -1,7 +1,5 @@
 """Character colours: its own, with more contrast, or by body part."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

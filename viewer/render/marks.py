@@ -1,7 +1,5 @@
 """Overlays and contact shadows as arrays of strokes, and the pass that draws them."""
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +143,9 @@ def _contact_colors(pose: Pose, opacity: float, more: float) -> Array:
 
 def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
     """Return bones and joints on top of everything: left teal, right orange, the middle dark, with a light outline."""
-    child, parent = _visible_bones().T
+    offsets = np.linalg.norm(SPORT_SKELETON.offsets, axis=1)
+    pairs = [(j, p) for j, p in enumerate(SPORT_SKELETON.parents) if p >= 0 and offsets[j] > 1e-4]
+    child, parent = np.array(pairs).T
     colors = _joint_colors()[child]
     start, end = pose.positions[parent], pose.positions[child]
     bone, dot, rim = (size * pixel_scale for size in (BONE_RADIUS_PX, JOINT_RADIUS_PX, OUTLINE_PX))
@@ -208,12 +208,6 @@ def _laid(strokes: Strokes, place: str, terrain: Terrain, reach_m: float = 0.05)
     at = strokes[place]
     strokes["normal"] = terrain.normal(at[:, 0], at[:, 2], reach_m=reach_m)
     return strokes
-
-
-def _visible_bones() -> NDArray[np.int64]:
-    offsets = np.linalg.norm(SPORT_SKELETON.offsets, axis=1)
-    pairs = [(j, p) for j, p in enumerate(SPORT_SKELETON.parents) if p >= 0 and offsets[j] > 1e-4]
-    return np.array(pairs)
 
 
 def _joint_colors() -> Array:

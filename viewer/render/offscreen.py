@@ -1,7 +1,5 @@
 """Rendering without a window: a standalone EGL context, and a framebuffer to draw into."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

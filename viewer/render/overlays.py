@@ -1,7 +1,5 @@
 """Overlay data that the application fills each frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rendering quality presets."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import moderngl

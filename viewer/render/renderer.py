@@ -1,28 +1,15 @@
 """The renderer: `Renderer.render` lists the passes; each pass is a module of its own."""
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 
 from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
+from viewer.render import marks
 from viewer.render.camera import Camera
 from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh, character_draws
 from viewer.render.frame import SHADOW_MARGIN_M, UNIFORM_BYTES, RenderFrame, make_frame
 from viewer.render.gl import FRAME_BINDING, release, screen_triangle, shown_size
-from viewer.render.marks import (
-    REFERENCE_HEIGHT_PX,
-    OverlayPass,
-    contact_dots,
-    contact_strokes,
-    marks_of,
-    path_strokes,
-    pin_strokes,
-    skeleton_strokes,
-    trail_strokes,
-    trajectory_strokes,
-)
 from viewer.render.overlays import Figure, Overlays
 from viewer.render.quality import Quality, choose_quality
 from viewer.render.targets import SceneTarget, ShadowMap
@@ -49,7 +36,7 @@ class Renderer:
         self._characters = CharacterPass(ctx, self.quality)
         self._figure: CharacterPass | None = None  # of another mesh, if any
         self._figure_mesh: SkinnedMesh | None = None
-        self._overlays = OverlayPass(ctx)
+        self._overlays = marks.OverlayPass(ctx)
         self._ground = Terrain.flat()
 
     def set_terrain(self, terrain: Terrain) -> None:
@@ -85,7 +72,9 @@ class Renderer:
         for characters in passes:
             characters.draw(self._shadow_map.texture)
         self._terrain.draw(frame, overlays.show_grid)
-        self._terrain.draw_shadows(frame, scene, self._shadow_map.texture, [marks_of(p) for p in standing])
+        self._terrain.draw_shadows(
+            frame, scene, self._shadow_map.texture, [marks.marks_of(p) for p in standing]
+        )
         self._draw_sky()
         self._draw_ground_overlays(scene, pose, overlays)
         for characters in reversed(passes):  # the character's own last: nothing is drawn over it afterwards
@@ -134,24 +123,24 @@ class Renderer:
         scene.depth_mask = False
         scene.use()  # a mask takes effect when its framebuffer is bound
         if overlays.trajectory is not None:
-            self._overlays.draw_on_ground(trajectory_strokes(overlays.trajectory, self._ground))
+            self._overlays.draw_on_ground(marks.trajectory_strokes(overlays.trajectory, self._ground))
         if overlays.path is not None:
-            self._overlays.draw_on_ground(path_strokes(overlays.path, self._ground))
+            self._overlays.draw_on_ground(marks.path_strokes(overlays.path, self._ground))
         if overlays.show_contacts and pose is not None:
-            self._overlays.draw_on_ground(contact_strokes(pose, self._ground))
+            self._overlays.draw_on_ground(marks.contact_strokes(pose, self._ground))
         scene.depth_mask = True
         scene.use()
 
     def _draw_top_overlays(self, frame: RenderFrame, pose: Pose | None, overlays: Overlays) -> None:
-        pixel_scale = max(frame.size[1] / REFERENCE_HEIGHT_PX, 0.5)
+        pixel_scale = max(frame.size[1] / marks.REFERENCE_HEIGHT_PX, 0.5)
         if overlays.trails is not None:
-            self._overlays.draw_on_top(trail_strokes(overlays.trails, pixel_scale))
+            self._overlays.draw_on_top(marks.trail_strokes(overlays.trails, pixel_scale))
         if overlays.show_skeleton and pose is not None:
-            self._overlays.draw_on_top(skeleton_strokes(pose, pixel_scale))
+            self._overlays.draw_on_top(marks.skeleton_strokes(pose, pixel_scale))
         if overlays.show_contacts and pose is not None:
-            self._overlays.draw_on_top(contact_dots(pose, pixel_scale))
+            self._overlays.draw_on_top(marks.contact_dots(pose, pixel_scale))
         if overlays.pins is not None:
-            self._overlays.draw_on_top(pin_strokes(overlays.pins, pixel_scale))
+            self._overlays.draw_on_top(marks.pin_strokes(overlays.pins, pixel_scale))
 
     def release(self) -> None:
         release(self._uniforms, self._sky, self._scene, self._shadow_map)

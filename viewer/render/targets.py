@@ -1,7 +1,5 @@
 """Render targets: the scene (scaled, multisampled) and the shadow map."""
 
-from __future__ import annotations
-
 import math
 
 import moderngl

@@ -6,8 +6,6 @@ as `Terrain.height` does. A tile has 16 x 16 cells; at levels (lx, lz) it uses e
 edge vertices snap to the coarser's, so no cracks open. Only numpy here, no OpenGL.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

@@ -1,7 +1,5 @@
 """The ground: keeps the window of the height map on the GPU and draws the triangles in view."""
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray

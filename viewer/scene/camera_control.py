@@ -1,7 +1,5 @@
 """Camera control: follow or orbit, named views, rotation by stick, keys and mouse."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

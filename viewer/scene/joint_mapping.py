@@ -1,7 +1,5 @@
 """Mapping of a character's joints by hand: the guess, the user's choice, its file, and the window."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache

@@ -1,7 +1,5 @@
 """Ground, character, model, camera and quality: loads them while the old ones stay in use, and moves the character."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -121,7 +119,9 @@ class Scene:
         """Apply the session's ground and character, and remember them for the next start."""
         if now.ground is not None and now.ground != before.ground:
             self._put_ground(now.ground)
-            self._remember_ground()
+            done = self._specs()[: self.editor.history.at + 1]
+            ready = [spec for spec in done if spec in self.terrain_names]
+            self.settings.terrain = ready[-1] if ready else self.settings.terrain
         if now.character != self._choice and not self.editor.dragging:
             self._load_choice(now.character)
         if now.character != before.character:
@@ -136,12 +136,6 @@ class Scene:
     def grounds(self) -> list[str]:
         """The available grounds: the shipped ones, and files that this session has used."""
         return list(dict.fromkeys([*self.terrain_names, *filter(None, self._specs())]))
-
-    def _remember_ground(self) -> None:
-        """Remember the last chosen shipped ground that was not undone, for the next start."""
-        done = self._specs()[: self.editor.history.at + 1]
-        ready = [spec for spec in done if spec in self.terrain_names]
-        self.settings.terrain = ready[-1] if ready else self.settings.terrain
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:

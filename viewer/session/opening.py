@@ -1,7 +1,5 @@
 """Opens a motion file as a take, on its original ground, or retargeted from another skeleton."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Playback of a take: time, loop, and the pose to show."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass, field
 

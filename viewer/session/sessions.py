@@ -1,7 +1,5 @@
 """The session's file: new, open, save as, copy, revert; and the sessions of earlier runs."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time
@@ -322,7 +320,11 @@ class Sessions:
                 setattr(self.settings, name, value)
         if view.get("camera") in CAMERAS:
             camera.use(str(view["camera"]))
-        known = _places(view)
+        known = {
+            name: min(max(float(view[name]), low), high)
+            for name, (low, high) in PLACES.items()
+            if isinstance(view.get(name), int | float)
+        }
         if "x" in known and "z" in known:
             self.scene.put_character(known.pop("x"), known.pop("z"), known.pop("facing", 0.0))
         for name in known.keys() & {"yaw", "pitch", "distance"}:
@@ -430,14 +432,6 @@ class Sessions:
         problem, kept = file.problem or f"{file.path}: its disk is too slow.", file.database.handed_over
         left = "Its last changes are lost." if kept is None else f"The next start adds what is in {kept}."
         self.messages.error(f"{problem} {left}")
-
-
-def _places(view: dict[str, Any]) -> dict[str, float]:
-    return {
-        name: min(max(float(view[name]), low), high)
-        for name, (low, high) in PLACES.items()
-        if isinstance(view.get(name), int | float)
-    }
 
 
 def _with_suffix(path: Path) -> Path:

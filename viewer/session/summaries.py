@@ -1,7 +1,5 @@
 """Descriptions of sessions that can be reopened: name, takes and time of saving."""
 
-from __future__ import annotations
-
 import time
 
 from runtime.session.library import SessionSummary

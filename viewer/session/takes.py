@@ -1,7 +1,5 @@
 """The list of takes: recording into it, and playback."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

@@ -3,8 +3,6 @@
 python -m viewer.tools.contact_sheet angry.bvh drunk.bvh --terrain flat --out sheet.png
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Parser for clauses that describe a body part: "left arm hanging", "limping on the right leg", "hands on hips"."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Combines several library entries into one set of six descriptions, part by part and on the intended side."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace

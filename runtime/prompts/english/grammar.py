@@ -1,7 +1,5 @@
 """Grammar of explicit statements about body parts in prompts, read from assets/prompts/clauses.toml."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable, Iterable

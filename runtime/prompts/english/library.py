@@ -1,7 +1,5 @@
 """Prompts without key or network: body-part clauses are parsed, the rest comes from the nearest library entries."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

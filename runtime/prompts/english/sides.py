@@ -7,8 +7,6 @@
 Phrases that imply an action (weight, injuries, loads) are rules of assets/prompts/clauses.toml.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -91,15 +89,11 @@ class _Limbs:
 
     def _replacement(self, match: Match) -> str:
         if match["that"]:
-            return self._that(match)
+            sides = [self._side] if self._spoken else SIDE.findall(self._text, 0, match.start())
+            return f"the {sides[-1]} " if sides else match.group()
         if match["it"]:
             return f"{self._side} {self._noun}" if self._spoken else "it"
         return self._limb(match) if match["noun"] else self._bare(match)
-
-    def _that(self, match: Match) -> str:
-        """Return the limb of "that shoulder", on the side mentioned last."""
-        sides = [self._side] if self._spoken else SIDE.findall(self._text, 0, match.start())
-        return f"the {sides[-1]} " if sides else match.group()
 
     def _bare(self, match: Match) -> str:
         """Return the limb of a side without a noun, the last one mentioned: "her left hangs", "right hand up, left down"."""

@@ -1,7 +1,5 @@
 """Detects prompts that are not English, the library's only language, and corrects typing errors."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """A prompt as words: those that name a movement, and function words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Two components: a specification with lists of body joints, verbs, adverbs and adjectives, and question-answer examples.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

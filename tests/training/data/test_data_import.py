@@ -11,9 +11,10 @@ from runtime import rotations
 from runtime.errors import FileError
 from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
+from runtime.takes.footplants import stretches
 from training.data import cutting, labels, relief
 from training.data.clips import Patches, TrainingClip, wrapped_height
-from training.data.foot_cleaning import bridge, clean_feet, stretches
+from training.data.foot_cleaning import bridge, clean_feet
 from training.data.importer import import_all
 from training.data.readers import read_transforms
 from training.data.retarget import (

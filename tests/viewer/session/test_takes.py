@@ -74,7 +74,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, TEMPERATURE)
     open_file(app.takes, tmp_path / "walk.bvh")
     run(app, 2)
-    assert "an old king" in app.editor.session.takes[-1].clip.describe()
+    assert "an old king" in app.editor.session.takes[-1].made.header.describe()
 
 
 def test_a_failing_export_keeps_the_clip(app: App, tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Style recognition: a classifier of motion windows."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Foot metrics: the paper's skating (Sec. IV-B2) at toe joints and soles, and sinking and floating."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -5,8 +5,6 @@ speeds are m/s, angles degrees. The measures are independent of the program's co
 measured too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +18,7 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.formats.bvh import read_bvh
 from runtime.motion.control_scripts import StickScript, StickSegment
-from training.data.foot_cleaning import stretches
+from runtime.takes.footplants import stretches
 from training.data.gait import GaitJoints, angle
 
 FPS = 60

@@ -1,7 +1,5 @@
 """Measures of obstacle traversals: penetration, clearance, beam contacts, hands on edges, pace, flight."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,9 +9,9 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.feet import skating as feet
 from runtime.motion.features import FPS
+from runtime.takes.footplants import stretches
 from runtime.terrain.courses import Obstacle
 from runtime.terrain.height_map import Terrain
-from training.data.foot_cleaning import stretches
 
 Mask = NDArray[np.bool_]
 

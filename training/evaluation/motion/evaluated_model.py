@@ -1,7 +1,5 @@
 """A model under evaluation, with its styles, size and speed."""
 
-from __future__ import annotations
-
 import statistics
 import time
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """Markdown tables of an evaluation, and the criteria that a model passes or misses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan

@@ -4,8 +4,6 @@ A model walks each prompt; the exported BVH is read back, and its angles and pos
 in data/animator_prompts.txt.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`sport evaluate --text`: whether motion does what the words say (Sec. III-C)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path

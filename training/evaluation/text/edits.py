@@ -1,7 +1,5 @@
 """Part edits by words: direction and amount of the change of motion, and unwanted changes of other parts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations

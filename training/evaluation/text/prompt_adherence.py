@@ -5,8 +5,6 @@ seconds. A sentence of the catalogue is compared with the effect of its edit on 
 with its claims (`training.text.claims`).
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

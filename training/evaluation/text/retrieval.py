@@ -1,7 +1,5 @@
 """Text→motion and motion→text retrieval on held-out capture, by the similarity trained in stage 1 (Eq. 2)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Prints each prompt with its six descriptions and its note, for human judgement. 
 `blind_grades.csv` and `class_grades.csv`. The exit code is 1 if a prompt has no answer.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Sequence

@@ -7,8 +7,6 @@ beginning, or a sentence that ends with the same position. Descriptions of captu
 model was trained on them.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -29,7 +29,7 @@ from runtime.terrain.height_map import PointHeights, Terrain
 UNLOADED_FOOT_WEIGHT = 0.05  # weight of a foot without contact in the pelvis offset
 BENT_LEG_FRACTION = 0.93  # of a leg's length: a leg that spans less does not lift the hips
 # the network raises the toes at heel strike 13 % less than captures do (`python -m training.evaluation gait`, "toes up")
-ADDED_TOES_UP_FRACTION = 0.14
+ADDED_TOES_UP_FRACTION = 0.16
 
 
 @dataclass

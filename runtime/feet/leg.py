@@ -179,10 +179,10 @@ MIN_FLEXION_RAD = radians(2.3)  # flexion of a straight knee, the smallest allow
 BRAKE_RAD_PER_S2 = radians(2.5) * 3600  # rad/s2, deceleration towards the requested flexion
 STRAIGHTEST_HALF_LIFE_S = 2.0  # half-life of the flexion of the straightest recent stride
 MAX_STRAIGHTEST_RAD = radians(25.0)
-# how much straighter than the incoming knee one with a free foot may be, up to the flexion in which feet land
-STRAIGHTER_RAD, MAX_LANDING_RAD = radians(1.5), radians(30.0)
-# minimum flexion of such a knee, and its easing
-LANDING_KNEE_RAD, LANDING_EASE_RAD = radians(5.0), radians(8.0)
+# how much straighter than the incoming knee one with a free foot may be, up to the flexion in which feet land; less by a
+# ratio of the least flexion, and eased by another
+STRAIGHTER_RAD, MAX_LANDING_RAD = radians(6.0), radians(30.0)
+LESS_STRAIGHT_RATIO, LEAST_EASE_RATIO = 0.375, 0.67
 
 
 @dataclass
@@ -222,8 +222,8 @@ class Knee:
         if free:
             wanted = max(wanted, min(self.straightest, MAX_STRAIGHTEST_RAD))
             if level:
-                near = min(incoming, MAX_LANDING_RAD) - STRAIGHTER_RAD
-                wanted = max(wanted, _soft_max(near, max(least, LANDING_KNEE_RAD)))
+                near = min(incoming, MAX_LANDING_RAD) - STRAIGHTER_RAD + LESS_STRAIGHT_RATIO * least
+                wanted = max(wanted, _soft_max(near, least, LEAST_EASE_RATIO * least))
         wanted = max(wanted, least)
         natural = (incoming - self.incoming) / dt
         missing = wanted - (self.flexion + natural * dt)
@@ -245,9 +245,9 @@ class Knee:
             self.flexion = flexion
 
 
-def _soft_max(a: float, b: float) -> float:
+def _soft_max(a: float, b: float, ease: float) -> float:
     """max(a, b), radians, eased where they are alike."""
-    return 0.5 * (a + b + sqrt((a - b) * (a - b) + LANDING_EASE_RAD * LANDING_EASE_RAD))
+    return 0.5 * (a + b + sqrt((a - b) * (a - b) + ease * ease))
 
 
 def _flexion(reach: float, thigh: float, shin: float) -> float:

@@ -29,7 +29,7 @@ from runtime.terrain.height_map import PointHeights, Terrain
 UNLOADED_FOOT_WEIGHT = 0.05  # weight of a foot without contact in the pelvis offset
 BENT_LEG_FRACTION = 0.93  # of a leg's length: a leg that spans less does not lift the hips
 # the network raises the toes at heel strike 13 % less than captures do (`python -m training.evaluation gait`, "toes up")
-ADDED_TOES_UP_FRACTION = 0.14
+ADDED_TOES_UP_FRACTION = 0.16
 
 
 @dataclass
@@ -228,7 +228,7 @@ class FootLock:
             over = edges and foot.is_over(support.over, ground)
             last = support.walks and not other.anchor
             foot.choose_anchor(leg, drop, other.refractory > 0.0, support.patience, over, last)
-            foot.plant(leg, drop, ground, dt)
+            foot.plant(leg, drop, ground, dt, support.patience)
 
     def _reach_feet(
         self,
@@ -239,12 +239,12 @@ class FootLock:
         dt: float,
     ) -> tuple[list[SpannedFoot], float]:
         """Return the feet within reach of their legs and of the knees' speed, and the metres that the hips sink for it."""
-        drop = -self.pelvis.offset
+        drop, level = -self.pelvis.offset, not has_edges(ground)
         ends = []
         for foot, knee, leg, came in zip(self.feet, self.knees, legs, incoming, strict=True):
             target = ankle_target(foot.bones, foot.rotation, leg, foot.ankle, drop, ground)
             hip = came.raised(-drop)
-            reach = knee.follow(came, hip, target, foot.bones, dt, not foot.anchor, least_bend)
+            reach = knee.follow(came, hip, target, foot.bones, dt, not foot.anchor, least_bend, level)
             ends.append((foot, hip, target, reach))
         reached = [
             spanned_foot(f.bones, f.rotation, hip, target, reach, ground) for f, hip, target, reach in ends

@@ -179,6 +179,10 @@ MIN_FLEXION_RAD = radians(2.3)  # flexion of a straight knee, the smallest allow
 BRAKE_RAD_PER_S2 = radians(2.5) * 3600  # rad/s2, deceleration towards the requested flexion
 STRAIGHTEST_HALF_LIFE_S = 2.0  # half-life of the flexion of the straightest recent stride
 MAX_STRAIGHTEST_RAD = radians(25.0)
+# how much straighter than the incoming knee one with a free foot may be, up to the flexion in which feet land; less by a
+# ratio of the least flexion, and eased by another
+STRAIGHTER_RAD, MAX_LANDING_RAD = radians(6.0), radians(30.0)
+LESS_STRAIGHT_RATIO, LEAST_EASE_RATIO = 0.375, 0.67
 
 
 @dataclass
@@ -199,10 +203,12 @@ class Knee:
         dt: float,
         free: bool = False,
         least: float = 0.0,
+        level: bool = False,
     ) -> float:
         """Return the hip-ankle distance (metres) of this frame for the requested `target`; `leg` is the incoming leg.
 
         The knee is bent by at least `least` (radians), and that of a `free` foot at least as far as in the incoming strides.
+        Over `level` ground a free foot does not reach down for it: the knee would snap where the foot lands.
         """
         thigh, shin = dist(leg.knee, leg.hip), dist(leg.ankle, leg.knee)
         far, spans = dist(target, hip), dist(leg.ankle, leg.hip)
@@ -213,7 +219,12 @@ class Knee:
             return far
         forgotten = self.straightest + (1.0 - decay(STRAIGHTEST_HALF_LIFE_S)) * (incoming - self.straightest)
         self.straightest = min(incoming, forgotten)
-        wanted = max(wanted, least, min(self.straightest, MAX_STRAIGHTEST_RAD) if free else 0.0)
+        if free:
+            wanted = max(wanted, min(self.straightest, MAX_STRAIGHTEST_RAD))
+            if level:
+                near = min(incoming, MAX_LANDING_RAD) - STRAIGHTER_RAD + LESS_STRAIGHT_RATIO * least
+                wanted = max(wanted, _soft_max(near, least, LEAST_EASE_RATIO * least))
+        wanted = max(wanted, least)
         natural = (incoming - self.incoming) / dt
         missing = wanted - (self.flexion + natural * dt)
         speed = natural + copysign(
@@ -232,6 +243,11 @@ class Knee:
         if flexion > (self.flexion or 0.0):
             self.speed += (flexion - (self.flexion or 0.0)) / dt
             self.flexion = flexion
+
+
+def _soft_max(a: float, b: float, ease: float) -> float:
+    """max(a, b), radians, eased where they are alike."""
+    return 0.5 * (a + b + sqrt((a - b) * (a - b) + ease * ease))
 
 
 def _flexion(reach: float, thigh: float, shin: float) -> float:

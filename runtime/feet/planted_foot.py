@@ -179,11 +179,13 @@ class PlantedFoot:
         high = self.toe[1] - ground.height(self.toe[0], self.toe[2]) > TOE_HEIGHT + LANDING_HEIGHT_M
         return hangs or high
 
-    def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:
-        """Compute the outgoing toe, ankle and foot rotation."""
+    def plant(
+        self, leg: LegPose, drop: float, ground: PointHeights, dt: float, patience: float = 1.0
+    ) -> None:
+        """Compute the outgoing toe, ankle and foot rotation; the more `patience`, the slower a sole is laid flat."""
         before, (toe_x, _, toe_z) = (self.toe[1], self.ankle[1]), self.toe
         tilt = self.tilt
-        self._turn(leg, ground, dt)
+        self._turn(leg, ground, dt, patience)
         turned = self.rotation
         sole = rotate(self.rotation, self.bones.offsets[4])
         if self.anchor == "toe":
@@ -268,7 +270,7 @@ class PlantedFoot:
         rest = min(max(incoming, ground - s.unseen), ground + s.unseen)
         return damp(y, velocity, rest, s.settle_half_life + s.settle_slower * abs(y - rest), dt)[0]
 
-    def _turn(self, leg: LegPose, ground: PointHeights, dt: float) -> None:
+    def _turn(self, leg: LegPose, ground: PointHeights, dt: float, patience: float) -> None:
         """Rotation of the foot: the incoming one, with its heading held and its sole flat while the whole sole is down."""
         s = SETTINGS
         ahead = rotate(leg.foot, self.bones.offsets[4])
@@ -287,7 +289,9 @@ class PlantedFoot:
             slope = between((0.0, 1.0, 0.0), self._normal(ground))
             lying = multiply(slope, _from_yaw(heading + self.yaw))
             goal = to_vector(multiply(lying, inverse(rotation)))
-        self.tilt, self.tilt_velocity = damp_vector(self.tilt, self.tilt_velocity, goal, s.flat_half_life, dt)
+        # a heel that sinks under a standing body would jerk its knee
+        half_life = s.flat_half_life * (1.0 + s.flat_slower * (patience - 1.0))
+        self.tilt, self.tilt_velocity = damp_vector(self.tilt, self.tilt_velocity, goal, half_life, dt)
         self.rotation = multiply(from_vector(self.tilt), rotation)
 
     def _whole_sole_down(self, ahead: Vector) -> bool:

@@ -37,16 +37,17 @@ class FootLockSettings:
     # m above or below the ground that a standing foot may keep: correcting them would be visible on a straight knee
     unseen: float = 0.0015
     settle_slower: float = 0.5  # s/m: added per metre of difference
-    flat_half_life: float = 0.06  # of the sole's alignment to the ground
+    flat_half_life: float = 0.06  # of the sole's alignment to the ground,
+    flat_slower: float = 6.0  # longer by this ratio per patience added at rest
     yaw_half_life: float = 0.10
     hips_half_life: float = 0.08
     max_yaw: float = 0.6
     max_drop: float = 0.35  # m that the hips may sink
     max_rise: float = 0.02  # m that they may be lifted
     carry_half_life: float = 0.02  # of the hips' offset
-    max_room: float = 0.012  # m that the hips rise for a knee at its speed limit
+    max_room: float = 0.02  # m that the hips rise for a knee at its speed limit
     least_room: float = 1e-5  # m; less is ignored
-    room_speed: float = 0.3  # m/s of that rise
+    room_speed: float = 0.6  # m/s of that rise
     room_half_life: float = 0.05
     rise_over_half_life: float = 0.04  # of the hips' rise over a bar
     max_free_rise: float = 0.01  # m: limit of the pelvis offset from a foot in the air, up or down

@@ -257,12 +257,23 @@ def _plant(
             before, limbs = state.poses.local[i] if stood else shown[1], LIMBS
         shown_hips[i], shown_local[i] = shown
         turned.append((before, limbs))
+    state.hands.apply(shown_hips, shown_local, state.poses.positions, state.poses.local, _stopping(state))
     state.elbows.apply(shown_local, [not traversal.kind for traversal in state.traversals])
     if has_walls(terrain):
         for i, (before, limbs) in enumerate(turned):
             shown_local[i] = resolve_penetration(shown_hips[i], shown_local[i], before, terrain, limbs)
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
     return unlocked[0], unlocked[1]
+
+
+def _stopping(state: CharacterState) -> list[bool]:
+    """Return which characters come to rest: nothing is requested of them, and no style is blended."""
+    return [
+        wished == 0.0 and not traversal.kind and not jump.stage and not style.blending
+        for wished, traversal, jump, style in zip(
+            state.wished_speed.tolist(), state.traversals, state.jumps, state.styles, strict=True
+        )
+    ]
 
 
 def _keyframed(

@@ -16,6 +16,8 @@ from runtime.scalar_math import MIN_DIVISOR, decay
 GAIN_RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL_GAIN = 0.8  # gain for a relative error of one: more of it makes long slow strides leap
 INTEGRAL_GAIN_PER_S = 0.5  # change of the gain per second and relative error
+# of the plan: until the expected speed gets there, a body that lags is still starting, and the integral would overshoot
+EXPECTED_FRACTION = 0.6
 SPEED_HALF_LIFE_S = 0.12  # of the measured speed, which varies within a stride
 SETS_OFF_S = 0.36  # time constant of the expected speed after a change of the plan
 MIN_REQUEST_M_PER_S = 0.12  # slower requests have no relative error
@@ -64,7 +66,8 @@ class SpeedRegulator:
             if stood > STANDING_SECONDS:
                 most = STANDING_GAIN
             error = min(max((expected - measured) / max(wanted, MIN_REQUEST_M_PER_S), -1.0), 1.0)
-            integral = min(max(integral + INTEGRAL_GAIN_PER_S * error / FPS, least), most)
+            if error < 0.0 or expected >= EXPECTED_FRACTION * wanted or stood > 0.0:
+                integral = min(max(integral + INTEGRAL_GAIN_PER_S * error / FPS, least), most)
             made.append((expected, measured, stood, integral))
             gains.append(min(max(integral + PROPORTIONAL_GAIN * error, least), most))
         self.expected, self.measured, self.stood, self.integral = np.array(made).T
@@ -80,8 +83,8 @@ MIN_STRIDE_SPEED_M_PER_S = 0.3  # slower, feet may rest
 STRETCH = (0.65, 1.18)
 # of the plan: a smoothed request below it is a start, which longer strides would overshoot
 SETTING_OFF_FRACTION = 0.5
-SETTLED_FRACTION = 0.9  # of the plan: until the smoothed request gets there,
-WALK_START_RATIO = 1.12  # longer strides raise the speed to this ratio of a walk's plan at most
+SETTLED_FRACTION = 0.97  # of the plan: until the smoothed request gets there,
+WALK_START_RATIO = 1.08  # a walk goes at this ratio of its plan at most
 _STRIDES = 1.0 - decay(STRIDE_HALF_LIFE_S)
 
 
@@ -142,8 +145,7 @@ def stretch(planned: tuple[float, float], shown: tuple[float, float], jogs: bool
     longer = min(max(smooth / max(measured, MIN_DIVISOR), STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
     if settled == 1.0:
         return longer
-    # a body that has reached its planned speed is not pushed beyond it
-    most = STRETCH[1] if jogs else max(WALK_START_RATIO * requested / max(root, MIN_DIVISOR), 1.0)
+    most = STRETCH[1] if jogs else WALK_START_RATIO * requested / max(root, MIN_DIVISOR)
     return min(longer, most + (STRETCH[1] - 1.0) * settled)
 
 

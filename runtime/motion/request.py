@@ -30,7 +30,7 @@ MAX_STICK_LENGTH = 2.0
 CROUCH_SPEED_M_PER_S = 0.8  # m/s at full stick
 # of the planned speed: a slower body is still accelerating into a jog
 GATHERED_SPEED_FRACTION = 0.8
-JOG_START_GAIN = 1.0  # limit of the regulator's gain until then
+JOG_START_GAIN = 1.1  # limit of the regulator's gain until then
 MIN_PLANNED_SPEED_M_PER_S = 0.05  # a stopping body is regulated down to this
 _SMOOTHS = 1.0 - decay(SPEED_HALF_LIFE_S)
 

@@ -15,6 +15,7 @@ from runtime.feet.foot_lock import FootLock
 from runtime.motion.balance import StrideBalance
 from runtime.motion.elbows import Elbows
 from runtime.motion.features import DT, PHASE_OFFSETS, C, OutputParts, split_output
+from runtime.motion.hands import HandSpeed
 from runtime.motion.model import MotionModel
 from runtime.motion.pace import SpeedRegulator, Stall, StrideState
 from runtime.motion.phase import RestRhythm
@@ -161,6 +162,7 @@ class CharacterState:
     balance: StrideBalance = field(metadata={"later": True})
     walkable: WalkableShare = field(metadata={"later": True})
     elbows: Elbows = field(metadata={"later": True})
+    hands: HandSpeed = field(metadata={"later": True})
     feet: tuple[FootLock, ...]
     traversals: tuple[Traversal, ...]
     jumps: tuple[Jump, ...]
@@ -211,6 +213,7 @@ def standing(
         balance=StrideBalance(),
         walkable=WalkableShare(),
         elbows=Elbows(),
+        hands=HandSpeed(),
         feet=(feet,),
         traversals=(Traversal(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),

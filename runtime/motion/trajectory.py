@@ -26,7 +26,7 @@ from runtime.scalar_math import MIN_DIVISOR, MIN_SIZE, decay
 from runtime.terrain.height_map import Terrain
 
 TO_WALK_S = 0.72  # from rest to the walking speed of a neutral body, and back
-# of TO_WALK_S: a style slower than neutral has slower steps
+# of TO_WALK_S: a style slower than neutral has slower steps, but not into a jog
 FASTEST_CHANGE_RATIO, SLOWEST_CHANGE_RATIO = 0.85, 1.12
 TURN_RAD = np.pi / 2  # radians
 TO_TURN_S = (0.95, 1.25, 0.75)  # seconds: standing, walking, and at twice that speed
@@ -54,9 +54,10 @@ class Plan(NamedTuple):
     gaits: Array  # (N, 61, 6) weights
 
 
-def change_seconds(walk_speed: float, response: float) -> float:
+def change_seconds(walk_speed: float, response: float, jogs: bool = False) -> float:
     """Return the time constant (seconds) to change velocity by the walking speed (m/s); `response` is 0 (as captured) to 1 (game)."""
-    style = min(max(sqrt(NEUTRAL_M_PER_S[0] / walk_speed), FASTEST_CHANGE_RATIO), SLOWEST_CHANGE_RATIO)
+    most = 1.0 if jogs else SLOWEST_CHANGE_RATIO
+    style = min(max(sqrt(NEUTRAL_M_PER_S[0] / walk_speed), FASTEST_CHANGE_RATIO), most)
     return TO_WALK_S * style * GAME_RESPONSE_FRACTION**response
 
 
@@ -214,7 +215,7 @@ class Trajectory:
         seconds, around, wishes, yaws = [], [], [], []
         for i, (pace, haste) in enumerate(zip(walk, response, strict=True)):
             quick = _MAKES_UP ** (GAME_RESPONSE_FRACTION**-haste)
-            seconds.append(change_seconds(pace, haste))
+            seconds.append(change_seconds(pace, haste, gait[i] == _JOG))
             around.append(turn_seconds(hypot(*self.velocity[i].tolist()), pace, haste))
             (x, z), (wish_x, wish_z), ahead = self.wish[i].tolist(), wish[i], facing[i]
             wishes.append((wish_x + (x - wish_x) * quick, wish_z + (z - wish_z) * quick))

@@ -16,7 +16,7 @@ RUN = """
 import json, sys
 from viewer.app import App, run
 from viewer.options import ViewOptions
-run(ViewOptions(offscreen=True, frames=2, terrain="hills"))
+run(ViewOptions(offscreen=True, frames=2, terrain="hills", prompt="an exhausted soldier"))
 print(json.dumps(sorted({name.split(".")[0] for name in sys.modules})))
 """
 

@@ -279,6 +279,16 @@ def test_a_walk_is_made_once_and_always_alike(monkeypatch: pytest.MonkeyPatch) -
     assert np.array_equal(first.mean, other.mean)
 
 
+def test_a_walk_in_the_store_is_not_made_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(text_walks, "LEAD_SECONDS", 0.25)
+    monkeypatch.setattr(text_walks, "_loaded", lambda folder: WalkerModel())
+    asked = [np.full((6, 64), 0.3)]
+    (first,) = Walker(Path("model"), seconds=0.5, store=tmp_path / "walks").make(asked)
+    monkeypatch.delattr(text_walks, "_loaded")
+    (again,) = Walker(Path("model"), seconds=0.5, store=tmp_path / "walks").make(asked)
+    assert np.array_equal(first.mean, again.mean)
+
+
 class StandIn(Prompter):
     """In place of a model's way from words to Z^t: a raised word tilts the head."""
 

@@ -163,7 +163,8 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: part_edits()[name] for name in names}
     monkeypatch.setattr(words, "Prompter", Prompter)
     monkeypatch.setattr(words, "load_model", lambda folder: WalkerModel())
-    monkeypatch.setattr(words, "read_metadata", lambda folder: {"calibration": {"phase": []}})
+    metadata = {"name": "walker", "calibration": {"phase": []}}
+    monkeypatch.setattr(words, "read_metadata", lambda folder: metadata)
     monkeypatch.setattr(words, "calibrate", lambda *_, **__: None)
     monkeypatch.setattr(words, "measure_wording", lambda *_: {"head": {"head tilted": "head tilted far"}})
     monkeypatch.setattr(words, "PHRASE_S", 1.5)
@@ -179,11 +180,21 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(words, "load_library", lambda *_: library)
 
 
-def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, tmp_path: Path) -> None:
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    folder = tmp_path / "model"
+    folder.mkdir()
+    (folder / "metadata.json").write_text("{}", "utf-8")
+    return folder
+
+
+def test_phrases_are_walked_once_and_what_is_not_done_is_said(
+    synthetic: None, model: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "prompts" / "shares.json"
     out.parent.mkdir()
     out.write_text('{"other": {"sentences": {}, "clauses": {}}}', "utf-8")
-    words.measure_words(Path("./none"), tmp_path, 1)
+    words.measure_words(model, tmp_path, 1, tmp_path / "work")
     phrasing = load_phrasings(tmp_path / "prompts" / "wording.json")["walker"]
     assert phrasing.of("head tilted", "head") == "head tilted far"
     tables = load_adherence(out)
@@ -196,6 +207,25 @@ def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, t
         phrase = part_edits()[f"{part}.overhead"].phrases[part][0]
         assert found.of(phrase, part) < 0.3, "the walker's arms do not rise"
     assert found.of("left leg taking long strides", "left_leg") < 0.3
+
+
+def test_a_measurement_that_was_killed_continues(
+    synthetic: None, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(words, "calibrate", killed)
+        with pytest.raises(KeyboardInterrupt):
+            words.measure_words(model, tmp_path, 1, tmp_path / "work")
+    assert not any((tmp_path / "prompts").iterdir())  # nothing is replaced before all is measured
+    assert (model / "metadata.json").read_text("utf-8") == "{}"
+    monkeypatch.setattr(words, "measure_wording", killed)  # done before
+    words.measure_words(model, tmp_path, 1, tmp_path / "work")
+    assert load_phrasings(tmp_path / "prompts" / "wording.json")["walker"].of("head tilted", "head")
+    assert json.loads((model / "metadata.json").read_text("utf-8"))["name"] == "walker"
+    assert not any((tmp_path / "work").iterdir())
 
 
 def test_the_sentences_of_a_plain_walk_ask_for_nothing() -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.feet.leg import Knee, leg_bones, leg_forward, toes_raised
+from runtime.feet.leg import Knee, LegPose, leg_bones, leg_forward, toes_raised
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 
 BONES = leg_bones(0)
@@ -31,13 +31,40 @@ def test_a_demand_that_stays_is_met() -> None:
     assert reach == pytest.approx(0.9 * BONES.length, abs=1e-3)
 
 
-@pytest.mark.parametrize(("free", "degrees"), [(True, 25.0), (False, 5.0)])
-def test_a_free_leg_is_no_straighter_than_the_incoming_one(free: bool, degrees: float) -> None:
+def bent_leg(degrees: float) -> LegPose:
+    """A leg under its hip with this flexion."""
     local = np.tile([1.0, 0.0, 0.0, 0.0], (31, 1))
-    half = np.radians(12.5)
+    half = np.radians(0.5 * degrees)
     for joint, angle in ((2, -half), (3, 2.0 * half)):
         local[joint] = [np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0]
-    bent, knee = leg_forward(BONES, (0.0, 0.95, 0.0), local.tolist()), Knee()
+    return leg_forward(BONES, (0.0, 0.95, 0.0), local.tolist())
+
+
+@pytest.mark.parametrize(("level", "degrees"), [(True, 19.0), (False, 7.0)])
+def test_over_level_ground_a_free_leg_does_not_reach_far_down(level: bool, degrees: float) -> None:
+    """In strides with a knee of 5 to 25 degrees, of which it shows the straighter part on other ground."""
+    knee = Knee()
+    for k in range(600):
+        leg = bent_leg(5.0 if k < 420 else min(25.0, 5.0 + 0.5 * (k - 420)))
+        far = (leg.hip[0], leg.hip[1] - 0.9999 * BONES.length, leg.hip[2])
+        knee.follow(leg, leg.hip, far, BONES, DT, free=True, level=level)
+        if k == 480:
+            assert np.degrees(knee.flexion) == pytest.approx(degrees, abs=2.5)
+
+
+def test_a_landing_jog_bends_its_knee_before_the_least_flexion_ends() -> None:
+    least, flexions, knee = np.radians(12.0), [], Knee()
+    for degrees in [3.0] * 30 + [5.0, 8.0, 12.0, 17.0, 23.0]:
+        leg = bent_leg(degrees)
+        knee.follow(leg, leg.hip, leg.ankle, BONES, DT, True, least, True)
+        flexions.append(np.degrees(knee.flexion))
+    assert min(flexions[20:]) > 12.0
+    assert np.diff(flexions, n=2)[20:].max() < 3.0
+
+
+@pytest.mark.parametrize(("free", "degrees"), [(True, 25.0), (False, 5.0)])
+def test_a_free_leg_is_no_straighter_than_the_incoming_one(free: bool, degrees: float) -> None:
+    bent, knee = bent_leg(25.0), Knee()
     own = np.hypot(*np.subtract(bent.ankle, bent.hip)[1:])
     for k in range(720):
         span = own if k < 660 else 0.9999 * BONES.length

@@ -35,6 +35,17 @@ def test_the_asked_speed_is_reached_and_kept(pace: float, asked: float):
     assert np.ptp(settled) < 0.1
 
 
+def test_a_start_is_no_debt():
+    """While a body sets off it lags behind the plan, which its gain does not remember."""
+    regulator, plan = SpeedRegulator.at_rest(), np.minimum(np.arange(120) / 60.0, 1.0)
+    for asked in plan[:60]:
+        gain(regulator, asked, 0.3 * asked)
+    assert regulator.integral[0] == 1.0
+    for asked in plan[60:]:
+        gain(regulator, asked, 0.3 * asked)
+    assert regulator.integral[0] > 1.1  # but it remembers one that stays
+
+
 def test_a_stop_forgets_the_walk_before():
     regulator = SpeedRegulator.at_rest()
     first = [gain(regulator, 1.0, 0.3) for _ in range(120)]

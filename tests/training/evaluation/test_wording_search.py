@@ -14,7 +14,7 @@ from training.evaluation.text import walks as text_walks
 from training.evaluation.text import wording
 from training.evaluation.text.walks import Walker
 from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
-from training.text.claims import sentence_fraction, unclaimed_change
+from training.text.claims import claims, sentence_fraction, unclaimed_change
 
 pytestmark = pytest.mark.needs_torch
 
@@ -94,3 +94,16 @@ def test_limbs_that_have_their_own_shares_are_walked_as_arms_of_a_side_and_as_le
     wording.measure_wording(None, Prompter(shipped_model()), sentences)
     assert {group for group, _ in walked} == set(wording.PARTS)
     assert {words for _, words in walked} == {words for _, words in sentences}
+
+
+@pytest.mark.parametrize(
+    ("part", "words", "others"),
+    [
+        ("left_leg", "left toes turned slightly out", "left toes turned slightly in"),
+        ("torso", "hardly swaying", "swaying slowly from side to side"),
+        ("torso", "torso upright, not turning", "torso upright, turning"),
+        ("left_leg", "left foot placed slightly out", "left foot placed lightly"),
+    ],
+)
+def test_the_contrary_of_a_sentence_does_not_claim_the_same(part: str, words: str, others: str) -> None:
+    assert claims(part, words) != claims(part, others)

@@ -75,12 +75,12 @@ class HandSpeed:
         positions, _ = SPORT_SKELETON.forward_kinematics(np.stack([hips, hips]), both)
         start, end = positions[:, HANDS].astype(np.float64) - positions[:, :1] - hands
         for joints, a, b in zip(ARMS, start, end, strict=True):
-            share = _share(a, b - a, limit * DT)
+            share = share_within(a, b - a, limit * DT)
             if share < 1.0:
                 local[i, joints] = rotations.slerp(last[joints], local[i, joints], share)
 
 
-def _share(start: Array, way: Array, most: float) -> float:
+def share_within(start: Array, way: Array, most: float) -> float:
     """Return the largest share, 0 to 1, of `way` after `start` that ends within `most` metres of 0, or the nearest to it."""
     if float((start + way) @ (start + way)) <= most * most:
         return 1.0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.motion.features import DT, FPS
-from runtime.motion.hands import HANDS, MIN_LIMIT_M_PER_S, STOP_RATIO, STOP_S, HandSpeed, _share
+from runtime.motion.hands import HANDS, MIN_LIMIT_M_PER_S, STOP_RATIO, STOP_S, HandSpeed, share_within
 from runtime.skeleton import SPORT_SKELETON, J
 
 HIPS = np.array([0.0, 0.95, 0.0])
@@ -94,7 +94,7 @@ def test_hands_that_hardly_moved_may_still_come_to_rest() -> None:
 @given(st.lists(st.floats(-0.1, 0.1), min_size=6, max_size=6), st.floats(0.001, 0.05))
 def test_the_share_is_the_largest_within_the_limit_or_the_nearest(numbers: list[float], most: float) -> None:
     start, way = np.array(numbers[:3]), np.array(numbers[3:])
-    share = _share(start, way, most)
+    share = share_within(start, way, most)
     assert 0.0 <= share <= 1.0
     ends = np.linalg.norm(start + np.linspace(0.0, 1.0, 201)[:, None] * way, axis=-1)
     end = float(np.linalg.norm(start + share * way))

@@ -29,9 +29,8 @@ LEAD_SECONDS = 2.0  # walked before measuring, to leave out standing and the sta
 WALK_S = 6.0
 LOGGED = 64  # walks between two lines of the log
 Key = tuple[bytes, int]  # of a walk: Z^t and seed
-Job = tuple[
-    Path, Sequence[Key], float, Path | None
-]  # folder of a model, walks, their length in seconds, and the store
+# folder of a model, walks, their length in seconds, and the store
+Job = tuple[Path, Sequence[Key], float, Path | None]
 
 
 class Walker:

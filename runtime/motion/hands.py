@@ -18,13 +18,13 @@ from runtime.motion.features import DT
 from runtime.scalar_math import MIN_DIVISOR, decay
 from runtime.skeleton import SPORT_SKELETON
 
-HANDS = [SPORT_SKELETON.index("LeftHand"), SPORT_SKELETON.index("RightHand")]
 ARMS = np.array(
     [
         [SPORT_SKELETON.index(side + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand")]
         for side in ("Left", "Right")
     ]
 )
+HANDS = ARMS[:, -1]
 STOP_RATIO = 1.05  # speed limit in a stop, relative to the usual speed
 USUAL_HALF_LIFE_S = 1.0  # in which the usual speed is forgotten
 MIN_LIMIT_M_PER_S = 0.2

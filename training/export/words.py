@@ -32,7 +32,8 @@ from training.export.calibrate import calibrate
 def measure_words(folder: Path, assets: Path, workers: int, work: Path) -> None:
     """Measure a calibrated model folder in `workers` processes; `assets` contains the tables. KeyError without calibration.
 
-    Walks and results of steps are kept under `work` until the end: a run that was killed continues with them.
+    Walks and results of steps are kept under `work` until the end: a run that was killed continues with them. Remove them
+    after a change of `runtime`, which they do not know of.
     """
     check_target(assets / ADHERENCE)
     metadata = read_metadata(folder)
